@@ -30,7 +30,16 @@ def lit_by(scene: RenderScene, group: int) -> RenderScene:
     """The scene with the lights of one group alone. Its rays, and what they meet, are shared."""
     emission = np.where((scene.light_groups == group)[:, None], scene.emission, np.float32(0))
     environment = scene.environment if environment_group(scene) == group else None
-    lit = replace(scene, emission=emission, environment=environment)
+    return _with_rays(scene, replace(scene, emission=emission, environment=environment))
+
+
+def lit_by_negative(scene: RenderScene) -> RenderScene:
+    """The scene with its negative lamps alone, as if they shone. Its rays, and what they meet, are shared."""
+    dark = replace(scene, emission=np.zeros_like(scene.emission), environment=None, fire=None, negative=None)
+    return _with_rays(scene, dark.appended(scene.negative))
+
+
+def _with_rays(scene: RenderScene, lit: RenderScene) -> RenderScene:
     share_rays(scene, lit, np.zeros(3, np.float32), 1.0)
     return lit
 
@@ -64,8 +73,15 @@ def divide(picture: np.ndarray, shown: Guides, lobes: Lobes, sampled: np.ndarray
 
 
 def _shares(light: np.ndarray) -> np.ndarray:
-    """(K, H, W, 3) of which there are K, as shares of their sum; what has no light belongs to no group."""
+    """(K, H, W, 3) of which there are K, as shares of their sum.
+
+    What has no light has the shares of the pixels around, from where smooth edges bring it some, as beside a holdout.
+    If these have none, it belongs to no group.
+    """
     total = light.sum(0)
+    if (total <= FAINT ** 2).any():
+        light = np.where(total <= FAINT ** 2, np.stack([box_means(own, RADIUS) for own in light]), light)
+        total = light.sum(0)
     shares = light / np.maximum(total, FAINT ** 2)
     shares[0] += total <= FAINT ** 2
     return shares

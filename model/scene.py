@@ -31,7 +31,7 @@ from .panorama import Panorama
 TILE_SIZE = 32
 TILE = Channels(  # of a material tile: BSDF parameters, tangent-space normal, displacement
     1,
-    base_color=(3, COLOR),  # scene-linear albedo, [0, 1]
+    base_color=(3, COLOR),  # scene-linear albedo, [0, 1]; more where a surface reflects more than arrives
     metallic=1,             # [0, 1]
     roughness=1,            # Blender's perceptual roughness, [0, 1]
     ior=1,                  # effective index at Specular IOR Level 1 (docs/scene-input.md 3.3), [1, 2.5]
@@ -198,8 +198,8 @@ class Fire:
         return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
 
 
-SELDOM = {"light_bounces": np.uint8(ANY), "lit_groups": np.uint64(ALL_GROUPS), "group": np.uint8(0),
-          "is_holdout": np.False_}
+SELDOM = {"light_bounces": np.uint8(ANY), "lit_groups": np.uint64(ALL_GROUPS),
+          "blockers": np.uint64(ALL_GROUPS), "group": np.uint8(0), "is_holdout": np.False_}
 
 
 @dataclass
@@ -229,6 +229,8 @@ class RenderScene:
     # ALL_GROUPS. A lamp's or emitter's light goes on rays from which it is not `hidden`
     light_bounces: np.ndarray | None = array("N", dtype=np.uint8, default="none")
     lit_groups: np.ndarray | None = array("N", dtype=np.uint64, default="none")
+    # Groups of surfaces that stop its light, bits; None = ALL_GROUPS
+    blockers: np.ndarray | None = array("N", dtype=np.uint64, default="none")
     group: np.ndarray | None = array("N", dtype=np.uint8, default="none")  # of surfaces; None = 0
     is_holdout: np.ndarray | None = array("N", dtype=np.bool_, default="none")  # cuts a hole into the film; None = no
     # Row of `tiles` that a camera sees where that differs from what light meets; None = the same
@@ -253,6 +255,8 @@ class RenderScene:
     light_group: np.ndarray | None = array("N", dtype=np.int32, default="none")
     environment_group: np.ndarray | None = array(1, dtype=np.int32, default="none")
     geometry: Geometry | None = None  # None: the token triangles are the real ones
+    # Lamps of negative strength, as a scene of their own, whose emission is what they take away. No network is told
+    negative: RenderScene | None = None
 
     def __len__(self) -> int:
         return len(self.triangles)

@@ -12,7 +12,7 @@ import numpy as np
 
 from .progress import part
 from .rays import Hits, Rays
-from .scene import RenderScene
+from .scene import ALL_GROUPS, RenderScene
 from .surface_kinds import Kind, Ray, is_kind, token_kinds
 
 NAME = "scene_rays"  # under which a scene keeps its own
@@ -53,7 +53,7 @@ class KindTrees:
         self._scene, self._cache = scene, cache
         # Subtracted from all points: the precision of rays depends on it.
         self.center = np.zeros(3, np.float32) if scene.box is None else scene.box.mean(axis=0)
-        self._trees: dict[tuple[Kind, int], list[Tree]] = {}
+        self._trees: dict[tuple[Kind, int, int], list[Tree]] = {}
 
     @cached_property
     def kinds(self) -> np.ndarray:
@@ -70,17 +70,22 @@ class KindTrees:
         """All that `hidden` holds."""
         return np.unique(self._scene.hidden_from).tolist() or [0]
 
-    def of(self, kind: Kind, hiding: int) -> list[Tree]:
-        """Trees of the triangles of one kind that are hidden from such rays, by their rows in the geometry, -1 behind
-        these for no hit."""
-        if (kind, hiding) not in self._trees:
-            rows = np.flatnonzero(is_kind(self.kinds, kind) & (self.hidden == hiding))
+    def of(self, kind: Kind, hiding: int, groups: int = ALL_GROUPS) -> list[Tree]:
+        """Trees of the triangles of one kind that are hidden from such rays, of some groups of surfaces alone, by their
+        rows in the geometry, -1 behind these for no hit."""
+        key = kind, hiding, groups
+        if key not in self._trees:
+            is_own = is_kind(self.kinds, kind) & (self.hidden == hiding)
+            if groups != ALL_GROUPS:
+                group = self._scene.seldom("group")[self._scene.surfaces.token]
+                is_own &= (np.uint64(groups) >> group.astype(np.uint64)) & np.uint64(1) > 0
+            rows = np.flatnonzero(is_own)
             triangles = self._scene.surfaces.triangles[rows] - self.center
             trees = ([(np.arange(len(rows)), Rays(triangles))] if self._cache is None
-                     else self._cache.of((kind, hiding), triangles))
-            self._trees[kind, hiding] = [(np.append(rows[own], -1).astype(np.int32), rays)
+                     else self._cache.of(key, triangles))
+            self._trees[key] = [(np.append(rows[own], -1).astype(np.int32), rays)
                                          for own, rays in trees if len(own)]
-        return self._trees[kind, hiding]
+        return self._trees[key]
 
 
 @dataclass(frozen=True)
@@ -99,10 +104,10 @@ class SceneRays:
         """(K,) rows of the triangles that are of these kinds, and that one of these rays meets."""
         return np.flatnonzero(is_kind(self.trees.kinds, kinds) & ~_is_hidden(self.trees.hidden, ray))
 
-    def among(self, kinds: Kind, ray: Ray) -> RaysAmong:
-        """Rays that meet some kinds of surfaces alone, of those that are not hidden from them."""
+    def among(self, kinds: Kind, ray: Ray, groups: int = ALL_GROUPS) -> RaysAmong:
+        """Rays that meet some kinds of surfaces alone, of those that are not hidden from them, and of some groups."""
         return RaysAmong(self, [tree for kind in kinds for hiding in self.trees.hidings if not _is_hidden(hiding, ray)
-                                for tree in self.trees.of(kind, hiding)])
+                                for tree in self.trees.of(kind, hiding, groups)])
 
 
 @dataclass(frozen=True)

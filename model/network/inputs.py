@@ -12,7 +12,7 @@ from torch import Tensor
 
 from ..camera import view_rays
 from ..fields import COLOR, DIRECTION, EULER, LENGTH, PANORAMA, POINT, array
-from ..scene import HEIGHT, NORMAL, RenderScene, View, Volumes
+from ..scene import BASE_COLOR, HEIGHT, NORMAL, RenderScene, View, Volumes
 from ..tensor_group import TensorGroup
 
 
@@ -83,6 +83,8 @@ def material_tiles(pooled: Tensor, mapper) -> Tensor:
 
     mapper: (P, 7) BSDF parameters -> (P, 9) latents.
     """
+    pooled = pooled.clone()
+    pooled[:, BASE_COLOR].clamp_(max=1)  # no mapper was trained with more
     parameters = pooled[:, : NORMAL.start].flatten(2).transpose(1, 2)  # (T, q^2, 7)
     constant = (parameters == parameters[:, :1]).all(2).all(1)
     with torch.no_grad():

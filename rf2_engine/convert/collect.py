@@ -79,7 +79,7 @@ class _Collection:
             emits, textured = self._probe(material, surface.source, mesh, instance) if len(mesh) else (False, False)
             parts = [Part(instance.name, mesh, [material], emits, surface.is_shown, is_textured=textured,
                           flux_gain=_gain(surface), real=surface.real, hidden=surface.hidden,
-                          lit_groups=surface.lit_groups)] if len(mesh) else []
+                          lit_groups=surface.lit_groups, blockers=surface.blockers)] if len(mesh) else []
             self._parts[surface,] = parts, []
             self.collected.parts += parts
         for part in self._parts[surface,][0]:
@@ -100,7 +100,7 @@ class _Collection:
                 parts.append(Part(name, part.mirrored() if surface.mirrored else part, surface.slots, kind,
                                   surface.is_shown, is_textured=bool(textured[slot[chosen]].any()),
                                   flux_gain=_gain(surface), hidden=surface.hidden,
-                          lit_groups=surface.lit_groups))
+                                  lit_groups=surface.lit_groups, blockers=surface.blockers))
         return parts
 
     def _probe(self, material: Material | None, source: int, mesh: TriangleMesh,

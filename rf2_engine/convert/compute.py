@@ -22,7 +22,7 @@ from .fitting.framing import Framing, find_box
 from .fitting.real_surfaces import match_tokens
 from .fitting.sizes import Sizes
 from .fitting.visible import find_visible
-from .lamps.lamps import convert_lamps
+from .lamps.lamps import convert_lamps, split_negative
 from .lamps.one_triangle import one_triangle
 from .lamps.world import convert_world_light
 from .media import medium
@@ -64,6 +64,7 @@ def compute(copied: CopiedScene, view: View | None, options: ConversionOptions, 
     if options.paper_lamps:
         lamps = [one_triangle(lamp, frame.center, frame.scale) for lamp in lamps]
     scene = surfaces.appended(*lamps)
+    scene.negative = plan.negative
     with progress.part(0.9, 1.0, "Converting volumes"):
         scene.volumes, scene.fire = medium.cells(collected.media, report), fire_of(collected.media)
     scene.environment, scene.box = plan.environment, plan.framing.box
@@ -94,6 +95,7 @@ class _Plan:
     collected: CollectedScene
     framing: Framing
     lamps: list[RenderScene]
+    negative: RenderScene | None  # lamps
     environment: np.ndarray | None
     budget: int  # triangles for surfaces
     sizes: Sizes
@@ -129,11 +131,15 @@ def _plan(copied: CopiedScene, view: View | None, options: ConversionOptions, re
     environment, suns = dim_by_fog(environment, suns, clear)
     suns = [replace(sun, light_group=copied.world_light_group) for sun in suns]
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    lamps = convert_lamps(collected.lamps, suns, options.token_budget // 2, center, radius, clear, report)
+    place = center, radius, clear, report
+    positive, negative = split_negative(collected.lamps)
+    lamps = convert_lamps(positive, suns, options.token_budget // 2, *place)
+    shapes = convert_lamps(negative, [], options.token_budget // 2, *place)
+    taken = shapes[0].appended(*shapes[1:]) if shapes else None
     budget = options.token_budget - sum(map(len, lamps))
     sizes = Sizes(options.max_edge, Normalization.of(RenderScene(box=framing.box)), framing.apparent)
     with progress.part(0.3, 0.35):
         targets = sizes.find_targets(collected.parts, budget)
         progress.report()
         simplification = allot_triangles(collected, budget, framing, hits, targets, report)
-    return _Plan(collected, framing, lamps, environment, budget, sizes, simplification)
+    return _Plan(collected, framing, lamps, taken, environment, budget, sizes, simplification)

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The passes of light groups: Cycles traces direct light of each, bounced light is estimated for each by itself."""
+"""The passes of light groups: Cycles traces direct light of each, bounced light is estimated for each by itself. So is
+the light that negative lamps take away.
+"""
 from __future__ import annotations
 
 from dataclasses import replace
@@ -33,13 +35,33 @@ class GroupEstimates:
         follows_paths: whether mirrors and glass show the lights of the group at the ends of specular paths.
         """
         pictures = np.zeros((self._count, *guides.alpha.shape, 3), np.float32)
-        if guides.traced is not None:
-            guides = replace(guides, traced=np.zeros_like(guides.traced))
         for group, (lit, encoded) in self._lit.items():
             with progress.part(0.5 + 0.5 * group / self._count, 0.5 + 0.5 * (group + 1) / self._count):
-                own = add_path_ends(guides, lit, view) if guides.traced is None and follows_paths else guides
-                pictures[group] = encoded.lobes(view, own, apart=False).radiance
+                pictures[group] = _estimate(encoded, lit, view, guides, follows_paths)
         return pictures
+
+
+class NegativeLight:
+    """A scene with its negative lamps alone, without the transformer."""
+
+    def __init__(self, renderer, scene: RenderScene, view: View) -> None:
+        """Arguments as of GroupEstimates."""
+        self.scene, self._lit = scene, light_groups.lit_by_negative(scene)
+        self._encoded = renderer.encode(self._lit, view.longer_side, draft=True)
+
+    def taken_from(self, lobes: Lobes, view: View, guides: Guides, follows_paths: bool) -> Lobes:
+        """What is left of the light of a view; traced light lacks the direct light that they take already."""
+        taken = _estimate(self._encoded, self._lit, view, guides, follows_paths)
+        return replace(lobes.scaled_to((lobes.radiance - taken).clip(0)), latent=lobes.latent)
+
+
+def _estimate(encoded, lit: RenderScene, view: View, guides: Guides, follows_paths: bool) -> np.ndarray:
+    """(H, W, 3) light of the encoded scene `lit`: where light was traced, bounced light alone."""
+    if guides.traced is not None:
+        guides = replace(guides, traced=np.zeros_like(guides.traced))
+    elif follows_paths:
+        guides = add_path_ends(guides, lit, view)
+    return encoded.lobes(view, guides, apart=False).radiance
 
 
 def group_passes(groups: list[pass_table.Pass], combined: np.ndarray, shown: Guides, lobes: Lobes, hits: FirstHits,

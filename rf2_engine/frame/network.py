@@ -17,7 +17,7 @@ from ..runtime import model_cache
 from . import shutter
 from .first_hits import FirstHits, render_sample_hits
 from .layer import Layer
-from .light_groups import GroupEstimates
+from .light_groups import GroupEstimates, NegativeLight
 from .optics import Optics
 from .output import EMITTED
 
@@ -45,6 +45,7 @@ class LayerNetwork:
         """Weights other than the bundled ones are loaded now: wrong ones are found before Cycles works for nothing."""
         self._layer, self._scene, self._framing, self._renderer = layer, scene, framing, None
         self._groups: GroupEstimates | None = None
+        self._negative: NegativeLight | None = None
         self._has_content = bool(len(scene) or scene.volumes)
         if self._has_content and layer.settings.weights != BUNDLED:
             self.load()
@@ -133,6 +134,12 @@ class LayerNetwork:
         with layer.plan.enter(VIEW):
             lobes = (encoded.lobes(view, guides, layer.with_lobes) if layer.settings.network.has_lobes
                      else Lobes(encoded.view(view, guides)))
+            if self._scene.negative is not None and not layer.settings.network.has_lobes:
+                layer.report.approximated("Lamps", "negative light is ignored")
+            elif self._scene.negative is not None:
+                if self._negative is None or self._negative.scene is not self._scene:
+                    self._negative = NegativeLight(self._renderer, self._scene, view)
+                lobes = self._negative.taken_from(lobes, view, guides, layer.settings.follows_specular_paths)
         if layer.light_groups:
             with layer.plan.enter(GROUPS):
                 if self._groups is None or self._groups.scene is not self._scene:

@@ -72,6 +72,7 @@ class _Values(dict):
         surface, height = MaterialTiles(report, keeps_lobes=True).evaluate(material, points)
         super().__init__({key: getattr(surface, key) for key in (
             "base_color", "metallic", "roughness", "ior", "transmission", "normal", "emission")}, height=height)
+        self["base_color"] = np.minimum(self["base_color"], 1)  # no mapper was trained with more
         self.update(lobes or {})  # two lobes that the research code has as well
 
     @property

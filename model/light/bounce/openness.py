@@ -18,10 +18,10 @@ LARGEST = 2048   # triangles, the largest, that are tested in each round
 RAYS = 8         # from a point to each side
 COVERED = 0.75   # share of rays that hit backs, from which on a point is inside of something
 OUTSIDE = 0.2    # share of rays that hit nothing, from which on it is outside
-POINTS = (1 / 3, 1 / 3), (0.8, 0.1), (0.1, 0.8), (0.1, 0.1)  # weights of two corners, the middle first
+POINTS = (1 / 3, 1 / 3), (0.94, 0.03), (0.03, 0.94), (0.03, 0.03)  # weights of two corners, the middle first
 UNLIKE = 0.3     # difference between the shares of rays that hit nothing, from which on a triangle is quartered
 BURIED = 0.4     # weight of the same difference for rays that hit backs
-ROUNDS = 3       # that a triangle is quartered at most
+ROUNDS = 5       # that a triangle is quartered at most
 
 
 class Openness:

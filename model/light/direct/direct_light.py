@@ -67,9 +67,8 @@ class DirectLight:
         self.fog = fog_of(scene, device)
         rays = scene_rays(scene)
         with part(0.0, 0.5):
-            # Without emitters: a lamp does not shade itself.
             self.occluders = TensorRays(rays.among(OCCLUDING, Ray.SHADOW))
-        self.emitters = EmitterLight(scene, self.occluders, self.fog, device)
+        self.emitters = EmitterLight(scene, self.fog, device)
         self.device = self.emitters.radiance.device
         with part(0.5, 1.0):
             self.sky = None

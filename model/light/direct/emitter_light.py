@@ -18,7 +18,8 @@ from torch.nn import functional as F
 
 from ...fields import COLOR, DIRECTION, Channels
 from ...scene import RenderScene
-from ...surface_kinds import Ray
+from ...scene_rays import scene_rays
+from ...surface_kinds import OCCLUDING, Ray
 from ..fresnel import gain
 from ..media.transmittance import Fog
 from ..sampling import R2, disk_points, local_basis, triangle_weights
@@ -56,7 +57,7 @@ class NearEmitters(NamedTuple):
 class EmitterLight:
     """The emitters of a normalised scene, and what stands between them and surfaces."""
 
-    def __init__(self, scene: RenderScene, occluders: TensorRays, fog: Fog | None, device: torch.device | str):
+    def __init__(self, scene: RenderScene, fog: Fog | None, device: torch.device | str):
         emitters = gather_emitters(scene)
         to_tensor = lambda x: torch.as_tensor(x, dtype=torch.float32, device=device)  # noqa: E731
         self.corners, self.centers, self.radii = map(to_tensor, (emitters.corners, emitters.centers, emitters.radii))
@@ -66,9 +67,14 @@ class EmitterLight:
         self.is_distant = self.origins.norm(dim=-1) > DISTANT
         self.radiance, self.beam_axis, self.beam_cosine = map(
             to_tensor, (emitters.radiance, emitters.beam_axis, emitters.beam_cosine))
-        self.occluders, self.fog = occluders, fog
+        self.fog = fog
         self._fan = to_tensor(fans(emitters.corners))
         self._limits = Limits(*(values[emitters.kind] for values in Limits.of(scene)[0]))
+        blockers, occluder = np.unique(self._limits.blockers, return_inverse=True)
+        # Without emitters: a lamp does not shade itself.
+        self._occluders = [TensorRays(scene_rays(scene).among(OCCLUDING, Ray.SHADOW, int(groups)))
+                           for groups in blockers]
+        self._occluder = torch.as_tensor(occluder.reshape(-1), device=device)  # (E,) of each emitter
         self._divide()
 
     def _divide(self) -> None:
@@ -143,11 +149,21 @@ class EmitterLight:
         origin, is_near = x[point], ~self.is_distant[emitter, None]
         ray = self._points_on(emitter, direction[:, point, emitter].T, start[point]) - origin * is_near
         length = ray.norm(dim=-1)
-        is_blocked = self.occluders.is_blocked(origin, ray / length.clamp_min(1e-9)[:, None], length - END_GAP)
+        is_blocked = self._is_blocked(emitter, origin, ray / length.clamp_min(1e-9)[:, None], length - END_GAP)
         visible = torch.zeros_like(direction[0]).index_put((point, emitter), 1.0 * ~is_blocked)
         if self.fog is None:
             return visible
         return visible * self.fog.transmittance(x[:, None], self.origins.renorm(2, 0, FOG_REACH))
+
+    def _is_blocked(self, emitter: Tensor, *rays: Tensor) -> Tensor:
+        """(R,) bool of rays to emitters (R,), as TensorRays.is_blocked has them."""
+        if len(self._occluders) == 1:
+            return self._occluders[0].is_blocked(*rays)
+        is_blocked, occluder = torch.zeros_like(emitter, dtype=torch.bool), self._occluder[emitter]
+        for i, occluders in enumerate(self._occluders):
+            rows = (occluder == i).nonzero()[:, 0]
+            is_blocked[rows] = occluders.is_blocked(*(x[rows] for x in rays))
+        return is_blocked
 
     def _points_on(self, emitter: Tensor, direction: Tensor, start: Tensor) -> Tensor:
         """(R, 3) points on emitters (R,); on spheres those of the disk that faces unit vectors (R, 3).

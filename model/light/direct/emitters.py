@@ -25,11 +25,12 @@ class Limits(NamedTuple):
     hidden: np.ndarray   # (K,) u8, rays that do not see them
     bounces: np.ndarray  # (K,) u8, most of its bounces
     groups: np.ndarray   # (K,) u64, of surfaces that it falls on
+    blockers: np.ndarray  # (K,) u64, groups of surfaces that stop it
 
     @classmethod
     def of(cls, scene: RenderScene) -> tuple[Limits, np.ndarray]:
         """And the kind (L,) of each triangle that shines."""
-        each = cls(scene.hidden_from, scene.seldom("light_bounces"), scene.seldom("lit_groups"))
+        each = cls(scene.hidden_from, *map(scene.seldom, ("light_bounces", "lit_groups", "blockers")))
         table = np.stack([values[scene.is_light].astype(np.uint64) for values in each], axis=1)
         rows, kind = np.unique(table, axis=0, return_inverse=True)
         return cls(*rows.T), kind.reshape(-1)

@@ -82,7 +82,7 @@ class _Walk:
         elif obj.type == "LIGHT":
             if obj.original not in self.linking.dark:
                 reach = Reach(hidden_rays(instance) & SEEING_LAMPS, min(obj.data.cycles.max_bounces, ANY),
-                              self._lit_groups(obj))
+                              *self._linked_groups(obj))
                 self.copied.lamps.append(LampInstance(obj.name, matrix, self.blocks.of(obj.data), reach,
                                                        self.light_groups.get(obj.lightgroup, 0)))
         elif obj.type in STRANDS:
@@ -101,8 +101,9 @@ class _Walk:
                        is_holdout=is_holdout(instance, self.layer),
                        light_group=self.light_groups.get(instance.object.lightgroup, 0))
 
-    def _lit_groups(self, obj) -> int:
-        return self.linking.lit.get(obj.original, ALL_GROUPS)
+    def _linked_groups(self, obj) -> tuple[int, int]:
+        """Those that its light falls on, and those that stop it."""
+        return tuple(bits.get(obj.original, ALL_GROUPS) for bits in (self.linking.lit, self.linking.blockers))
 
     def _is_shown(self, instance) -> bool:
         """Evaluated once for all instances of an object by another."""
@@ -119,11 +120,11 @@ class _Walk:
                 self._add_strands(obj, system.as_pointer(), read, instance, hidden,
                                   system.settings.material - 1)
         slots, source, is_dark = self._slots(obj), obj.data.as_pointer(), obj.original in self.linking.dark
-        key = source, mirrored, hidden, is_dark, self._lit_groups(obj), *slots
+        key = source, mirrored, hidden, is_dark, self._linked_groups(obj), *slots
         if key not in self._surfaces:
             self._surfaces[key] = CopiedMesh(source, self._mesh(obj, slots), slots, mirrored, hidden,
                                              is_dark, compat.is_diced(obj, self.depsgraph.scene_eval),
-                                             self._lit_groups(obj))
+                                             *self._linked_groups(obj))
         self.copied.objects.append((self._surfaces[key], instance))
 
     def _add_strands(self, obj, pointer: int, read, instance: Instance, hidden: int, slot: int = 0) -> None:

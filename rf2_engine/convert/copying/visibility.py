@@ -94,36 +94,40 @@ class LightLinking:
     dark: set = field(default_factory=set)               # those that shine on nothing that is shown
     group: dict[object, int] = field(default_factory=dict)  # of the surfaces that all lights treat alike
     lit: dict[object, int] = field(default_factory=dict)    # groups that a linked light lights, bits
+    blockers: dict[object, int] = field(default_factory=dict)  # groups that stop its light, bits
 
 
 def read_light_linking(depsgraph, report) -> LightLinking:
     """What is linked; what of it is lost is reported."""
-    linked = [obj for obj in depsgraph.objects if obj.light_linking.receiver_collection]
-    for obj in depsgraph.objects:
-        if obj.light_linking.blocker_collection:
-            report.approximated(obj.name, "shadow linking is ignored: everything casts shadows in its light")
+    linked = [(obj, obj.light_linking.receiver_collection, obj.light_linking.blocker_collection)
+              for obj in depsgraph.objects]
+    linked = [link for link in linked if any(link[1:])]
     linking = LightLinking()
     if not linked:
         return linking
     visible = list(dict.fromkeys(instance.object.original for instance in depsgraph.object_instances
                                  if instance.object.type in RECEIVERS and instance.show_self))
-    receivers = [_receivers(obj.light_linking.receiver_collection, set(visible)) for obj in linked]
+    sets = [[_linked_objects(collection, set(visible)) for collection in collections] for _, *collections in linked]
     groups: dict[tuple, int] = {}
     for obj in visible:
-        lights = tuple(obj in lit for lit in receivers)
+        lights = tuple(obj in objects for both in sets for objects in both)
         linking.group[obj] = groups.setdefault(lights, min(len(groups), MOST_GROUPS - 1))
     if len(groups) > MOST_GROUPS:
         report.approximated("Light Linking", f"{len(groups)} groups of objects are lit by different lights: those "
                                              f"after the first {MOST_GROUPS - 1} are lit as one")
-    for i, (obj, lit) in enumerate(zip(linked, receivers, strict=True)):
-        linking.lit[obj.original] = sum({1 << number for lights, number in groups.items() if lights[i]})
-        if not lit - {obj.original}:
+    for i, (obj, *collections) in enumerate(linked):
+        for kind, (bits, collection) in enumerate(zip((linking.lit, linking.blockers), collections, strict=True)):
+            if collection:
+                bits[obj.original] = sum({1 << number for lights, number in groups.items() if lights[2 * i + kind]})
+        if collections[0] and not sets[i][0] - {obj.original}:
             linking.dark.add(obj.original)
     return linking
 
 
-def _receivers(collection, visible: set) -> set:
-    """The `visible` objects that a receiver collection lets light reach: without included ones all but the excluded."""
+def _linked_objects(collection, visible: set) -> set:
+    """The `visible` objects that a collection links to a light: without included ones all but the excluded."""
+    if not collection:
+        return visible
     links = {"INCLUDE": set(), "EXCLUDE": set()}
     for child, entry in zip(collection.objects, collection.collection_objects, strict=True):
         links[entry.light_linking.link_state].add(child.original)

@@ -27,6 +27,7 @@ class Part:
     real: TriangleMesh | None = None                           # the mesh before it was simplified, if it was
     hidden: int = 0                                            # rays that do not meet it, a set of Ray
     lit_groups: int = ALL_GROUPS                               # of surfaces, bits, if it shines
+    blockers: int = ALL_GROUPS                                 # of surfaces that stop its light
     token: np.ndarray | None = None                            # (n,) i32 triangle of `mesh` for each one of `real`
 
     @property

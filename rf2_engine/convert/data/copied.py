@@ -14,11 +14,12 @@ from .mesh import TriangleMesh
 
 
 class Reach(NamedTuple):
-    """Where the light of a lamp, or of the world, goes (RenderScene: hidden, light_bounces, lit_groups)."""
+    """Where the light of a lamp, or of the world, goes (RenderScene: hidden, light_bounces, lit_groups, blockers)."""
 
     hidden: int = 0           # rays that do not see it, a set of Ray
     bounces: int = ANY
     groups: int = ALL_GROUPS  # of surfaces, bits
+    blockers: int = ALL_GROUPS  # of surfaces that stop it, bits
 
 
 @dataclass(eq=False)
@@ -33,6 +34,7 @@ class CopiedMesh:
     is_dark: bool                 # by light linking it lights nothing that is visible
     is_diced: bool = False
     lit_groups: int = ALL_GROUPS  # of surfaces, bits, if it shines
+    blockers: int = ALL_GROUPS    # of surfaces that stop its light
     strands_slot: int | None = None  # of hair or points: the only material's; None: a mesh
     real: TriangleMesh | None = None  # of hair or points, of which `mesh` is a sample: what rays meet
 

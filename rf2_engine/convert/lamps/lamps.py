@@ -2,6 +2,7 @@
 """All lamps and suns of a scene as triangles, within their share of the budget."""
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 
 import numpy as np
@@ -54,6 +55,17 @@ def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, cente
     report.approximated("Lamps", f"{len(fewer) + len(distant)} lights replace {len(near) + len(suns)}, each with the "
                                  "light of those near it: raise Max Triangles")
     return fewer + distant
+
+
+def split_negative(lamps: list[LampInstance]) -> tuple[list[LampInstance], list[LampInstance]]:
+    """Those that give light, and those that take it away, as if they gave it."""
+    negated = []
+    for lamp in lamps:
+        if lamp.light.energy < 0:
+            light = copy.copy(lamp.light)
+            light.energy = -light.energy
+            negated.append(replace(lamp, light=light))
+    return [lamp for lamp in lamps if lamp.light.energy >= 0], negated
 
 
 def _is_sun(lamp: LampInstance) -> bool:

@@ -113,10 +113,10 @@ def reaching(shape: RenderScene, reach: Reach) -> RenderScene:
         return shape
     return replace(shape, **{name: np.full(len(shape), value, dtype) for name, value, dtype in (
         ("hidden", reach.hidden, np.uint8), ("light_bounces", reach.bounces, np.uint8),
-        ("lit_groups", reach.groups, np.uint64))})
+        ("lit_groups", reach.groups, np.uint64), ("blockers", reach.blockers, np.uint64))})
 
 
 def reach_of(shape: RenderScene) -> Reach:
     """Of the triangles of one lamp."""
     return Reach(*(int(values[0]) for values in (
-        shape.hidden_from, shape.seldom("light_bounces"), shape.seldom("lit_groups"))))
+        shape.hidden_from, shape.seldom("light_bounces"), shape.seldom("lit_groups"), shape.seldom("blockers"))))

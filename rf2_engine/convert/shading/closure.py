@@ -17,6 +17,7 @@ from .normal_map import UP
 IOR_RANGE = (1.0, 2.5)  # the mappers' training range
 GLASS_IOR = np.float32(1.06)  # least of glass: what lets light straight through, as Cycles' shadow rays pass, has less
 TINY = 1e-4
+BRIGHTEST = np.float32(100)  # colour of a surface, where a node divides by almost 0
 ONE, ZERO = np.ones(1, np.float32), np.zeros(1, np.float32)
 WHITE, BLACK = np.ones(3, np.float32), np.zeros(3, np.float32)
 
@@ -37,6 +38,7 @@ class Closure:
     emission: np.ndarray = None      # (..., 3) radiance
     clear: np.ndarray = None         # (..., 1) share of the light that goes straight through
     translucent: np.ndarray = None   # (..., 1) by luminance, of what sends its light to the other side
+    holdout: np.ndarray = None       # (..., 1) share that is cut out of the film
 
     def __post_init__(self):
         for f in fields(self):
@@ -63,11 +65,12 @@ class SurfaceParameters:
     emission: np.ndarray
     clear: np.ndarray
     translucent: np.ndarray
+    holdout: np.ndarray
 
 
 def lobe(color, metallic=ZERO, roughness=ONE, ior=ONE, transmission=ZERO, normal=UP) -> Closure:
-    """One BSDF of weight 1."""
-    color, roughness = np.clip(color, 0, 1), np.clip(roughness, 0, 1)
+    """One BSDF of weight 1. As in Cycles it may reflect more than arrives."""
+    color, roughness = np.clip(color, 0, BRIGHTEST), np.clip(roughness, 0, 1)
     share = color @ LUMINANCE[:, None] + TINY
     reflectance = ((ior - 1) / (ior + 1)) ** 2
     gloss = metallic + transmission + reflectance + TINY
@@ -93,8 +96,8 @@ def parameters(closure: Closure) -> SurfaceParameters:
     ior, transmission = mean(closure.ior, closure.weight, 1.0), mean(closure.transmission, closure.lobe, 0.0)
     is_glass = (transmission > TRANSPARENT) & (closure.clear < TRANSPARENT)
     return SurfaceParameters(
-        base_color=np.clip(closure.color, 0, 1).astype(np.float32),
+        base_color=np.clip(closure.color, 0, BRIGHTEST).astype(np.float32),
         metallic=mean(closure.metallic, closure.lobe, 0.0), roughness=mean(closure.roughness, closure.gloss, 1.0),
         ior=np.where(is_glass, ior.clip(GLASS_IOR), ior) if is_glass.any() else ior, transmission=transmission,
         normal=mean(closure.normal, closure.weight, UP), emission=np.maximum(closure.emission, 0).astype(np.float32),
-        clear=closure.clear, translucent=mean(closure.translucent, closure.lobe, 0.0))
+        clear=closure.clear, translucent=mean(closure.translucent, closure.lobe, 0.0), holdout=closure.holdout)

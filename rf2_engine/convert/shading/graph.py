@@ -60,3 +60,8 @@ def source(socket, frames=()):
 def _of_identifier(node, identifier):
     """The input of a node, which may be None."""
     return next((socket for socket in node.inputs if socket.identifier == identifier), None) if node else None
+
+
+def has_node(tree, kind: str) -> bool:
+    """Whether a node of this bl_idname is in a tree, which may be None, or in a group in it."""
+    return tree is not None and any(node.bl_idname == kind for node in tree.all_nodes())

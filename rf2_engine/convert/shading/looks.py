@@ -29,18 +29,20 @@ class Looks(NamedTuple):
     hidden: np.ndarray
     back_tile: np.ndarray
     shining_side: np.ndarray  # 1 the front alone, -1 the back alone, 0 both
+    is_holdout: np.ndarray
 
     @classmethod
     def empty(cls, count: int) -> Looks:
         index = np.zeros(count, np.int32)
         return cls(index, np.zeros((count, 3), np.float32), index.copy(), np.zeros(count, np.uint8), index.copy(),
-                   index.copy())
+                   index.copy(), np.zeros(count, bool))
 
 
 def find_looks(materials: MaterialTiles, material: Material | None, mesh: TriangleMesh, instance: Instance) -> Looks:
     """What rays meet of triangles with one material: light that has bounced sees them as diffuse rays do."""
     index, emission = materials.triangle_tiles(material, mesh, instance)
-    looks = Looks.empty(len(mesh))._replace(tile_index=index, emission=emission, camera_tile=index, back_tile=index)
+    looks = Looks.empty(len(mesh))._replace(tile_index=index, emission=emission, camera_tile=index, back_tile=index,
+                                            is_holdout=materials.cuts_holes(material, mesh, instance))
     if materials.differs_by_side(material):
         looks = _with_backs(looks, *materials.triangle_tiles(material, mesh, instance, is_behind=True))
         index, emission = looks.tile_index, looks.emission

@@ -154,6 +154,13 @@ class MaterialTiles:
         through = surface.clear + (1 - surface.clear) * surface.transmission * (surface.roughness <= smooth)
         return np.broadcast_to(mean_over_triangle(through)[..., 0], len(mesh))
 
+    def cuts_holes(self, material: Material | None, mesh: TriangleMesh, instance: Instance) -> np.ndarray:
+        """(n,) bool: triangles most of which is cut out of the film."""
+        if material is None or not graph.has_node(material.node_tree, "ShaderNodeHoldout"):
+            return np.zeros(len(mesh), bool)
+        surface, _ = self.evaluate(material, surface_points(mesh, instance, ray=Ray.CAMERA))
+        return np.broadcast_to(mean_over_triangle(surface.holdout)[..., 0] > 0.5, len(mesh))
+
     def varies(self, material: Material | None) -> bool:
         """Whether it was not the same all over some triangle, or not the same for all rays."""
         return material in self._varying or self.differs_by_ray(material)

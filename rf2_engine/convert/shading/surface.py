@@ -64,6 +64,8 @@ def principled(n: NodeCall):
         n.folded("specular tint is shown as grey")
         level = level * mix_values(tint @ LUMINANCE[:, None], ONE, metallic)
     color, roughness, coat = n.get("Base Color"), n.get("Roughness"), np.clip(n.get("Coat Weight"), 0, 1)
+    within = np.maximum(np.maximum(metallic, transmission), np.clip(n.get("Subsurface Weight"), 0, 1))
+    color = mix_values(color, np.minimum(color, 1), within)  # the diffuse lobe alone may reflect more than arrives
     if np.any(coat > 0):
         color = color * mix_values(WHITE, n.get("Coat Tint", WHITE), coat)
         if n.source("Coat Normal"):
@@ -97,6 +99,12 @@ def diffuse(n: NodeCall):
 def scattering(n: NodeCall):
     n.folded(f"{n.node.bl_label} is shown as Diffuse")
     return diffuse(n)
+
+
+def subsurface(n: NodeCall):
+    closure = scattering(n)
+    closure.color = np.minimum(closure.color, 1)
+    return closure
 
 
 def translucent(n: NodeCall):
@@ -166,13 +174,15 @@ def emission(n: NodeCall):
 
 def holdout(n: NodeCall):
     n.folded("holdout is shown as black")
-    return lobe(BLACK)
+    closure = lobe(BLACK)
+    closure.holdout = ONE
+    return closure
 
 
 SHADERS = {
     "ShaderNodeMixShader": mix, "ShaderNodeAddShader": add,
     "ShaderNodeBsdfPrincipled": principled, "ShaderNodeBsdfDiffuse": diffuse, "ShaderNodeBsdfTranslucent": translucent,
-    "ShaderNodeSubsurfaceScattering": scattering, "ShaderNodeBsdfSheen": sheen, "ShaderNodeBsdfToon": toon,
+    "ShaderNodeSubsurfaceScattering": subsurface, "ShaderNodeBsdfSheen": sheen, "ShaderNodeBsdfToon": toon,
     "ShaderNodeBsdfHair": scattering, "ShaderNodeBsdfRayPortal": portal,
     "ShaderNodeBsdfVelvet": scattering, "ShaderNodeBsdfGlossy": glossy, "ShaderNodeBsdfAnisotropic": glossy,
     "ShaderNodeBsdfMetallic": glossy, "ShaderNodeBsdfGlass": glass, "ShaderNodeBsdfRefraction": glass,

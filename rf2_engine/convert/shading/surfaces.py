@@ -15,7 +15,8 @@ from .looks import Looks, find_looks
 from .material import MaterialTiles
 
 # Arrays of a RenderScene that it does without where all triangles have this value.
-USUAL = {"hidden": 0, "light_group": 0} | {name: SELDOM[name] for name in ("group", "lit_groups", "is_holdout")}
+USUAL = {"hidden": 0, "light_group": 0} | {name: SELDOM[name] for name in (
+    "group", "lit_groups", "blockers", "is_holdout")}
 
 
 def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
@@ -88,7 +89,7 @@ def _instance(part: Part, instance: Instance, materials: MaterialTiles, shared: 
              "light_group": np.full(len(corners), instance.light_group, np.int32),
              "group": np.full(len(corners), instance.group, np.uint8),
              "lit_groups": np.full(len(corners), part.lit_groups, np.uint64),
-             "is_holdout": np.full(len(corners), instance.is_holdout)}
+             "blockers": np.full(len(corners), part.blockers, np.uint64)}
             | looks._asdict(), near & solid & is_opaque)
 
 
@@ -139,4 +140,5 @@ def _materials(part: Part, instance: Instance, materials: MaterialTiles, shared:
             for whole, values in zip(looks, shaded, strict=True):
                 whole[rows] = values
     return looks._replace(emission=looks.emission * np.float32(part.flux_gain),
-                          hidden=looks.hidden | np.uint8(part.hidden))
+                          hidden=looks.hidden | np.uint8(part.hidden),
+                          is_holdout=looks.is_holdout | instance.is_holdout)

@@ -34,9 +34,17 @@ def test_transparent_glass_is_that_of_cycles(behind_glass, tmp_path):
     assert bare.sum() > 40 and np.abs(ours - cycles)[bare, :3].mean() < 0.05
 
 
-def test_a_holdout_in_fog_has_the_edge_that_it_has_in_cycles(scene, tmp_path):
+def holdout_material():
+    made = material("Cut")
+    tree = made.node_tree
+    tree.links.new(tree.nodes.new("ShaderNodeHoldout").outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    return made
+
+
+@pytest.mark.parametrize("by_material", [False, True])
+def test_a_holdout_in_fog_has_the_edge_that_it_has_in_cycles(scene, tmp_path, by_material):
     cube(scene, "Fog", of=volume_material("Fog", "VolumeScatter", {"Density": 0.08})).scale = (8, 8, 8)
-    cube(scene, "Cut", (0.8, 0, 0)).is_holdout = True
+    cube(scene, "Cut", (0.8, 0, 0), holdout_material() if by_material else None).is_holdout = not by_material
     mesh_object(scene, "Wall", [(-9, 2, -9), (9, 2, -9), (9, 2, 9), (-9, 2, 9)], [(0, 1, 2, 3)])
     sun(scene)
     scene.render.film_transparent = True

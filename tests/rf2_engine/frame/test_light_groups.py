@@ -8,6 +8,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine import compat
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 
 from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12, sun
+from tests.rf2_engine.frame.test_stereo import passes_of as stereo_passes
 from tests.rf2_engine.still_life import with_cycles
 
 GROUPS = "Key", "Bulb", "Sky"
@@ -56,6 +57,45 @@ def test_each_group_is_like_that_of_cycles_and_all_are_the_picture(grouped, tmp_
     for name in GROUPS:
         error = np.abs(ours[name] - theirs[name]).mean() / theirs[name].mean()
         assert error < 0.2, name
+
+
+def focused(scene):
+    lens = scene.camera.data.dof
+    lens.use_dof, lens.focus_distance, lens.aperture_fstop = True, 5, 0.2
+    scene.renderformer_v2.lens_samples = 4
+
+
+def cut(scene):
+    bpy.data.objects["Cube"].is_holdout = True
+
+
+def cut_by_material(scene):
+    tree = bpy.data.objects["Cube"].data.materials[0].node_tree
+    tree.links.new(tree.nodes.new("ShaderNodeHoldout").outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+
+
+def seen_by_two(scene):
+    scene.render.use_multiview, scene.render.views_format = True, "STEREO_3D"
+    scene.camera.data.stereo.interocular_distance, scene.camera.data.stereo.convergence_distance = 0.6, 6
+
+
+@pytest.mark.parametrize("change", [focused, cut, cut_by_material, seen_by_two])
+def test_groups_are_those_of_cycles_in_every_view_behind_a_lens_and_around_holdouts(grouped, tmp_path, change):
+    change(grouped)
+    ours = stereo_passes(grouped, tmp_path)
+    assert last_render.last_frame[0].error == ""
+    grouped.render.engine = "CYCLES"
+    grouped.cycles.samples, grouped.cycles.use_denoising, grouped.cycles.sample_clamp_indirect = 256, False, 0
+    theirs = stereo_passes(grouped, tmp_path)
+    views = ("", ".left", ".right") if change is seen_by_two else ("",)
+    views = [view for view in views if f"ViewLayer.Combined{view}" in ours]
+    assert len(views) == (2 if change is seen_by_two else 1)
+    for view in views:
+        names = [f"ViewLayer.Combined_{name}{view}" for name in GROUPS]
+        picture = ours[f"ViewLayer.Combined{view}"][..., :3]
+        np.testing.assert_allclose(sum(ours[name] for name in names), picture, rtol=1e-3, atol=1e-4)
+        for name in names:
+            assert np.abs(ours[name] - theirs[name]).mean() < 0.2 * theirs[name].mean(), name
 
 
 def test_lights_of_no_group_are_in_no_pass(grouped, tmp_path):

@@ -57,6 +57,17 @@ def linked(state):
     return change
 
 
+def shaded_by(state):
+    def change(scene, light):
+        for name, x in (("Near", -0.5), ("Far", 0.7)):
+            cube(scene, name, (x, 0, 1.2)).scale = (0.1, 0.5, 0.5)
+        blockers = bpy.data.collections.new("Blockers")
+        blockers.objects.link(scene.objects["Near"])
+        light.light_linking.blocker_collection = blockers
+        blockers.collection_objects[0].light_linking.link_state = state
+    return change
+
+
 CHANGES = {
     "the world is hidden from diffuse rays": world_hidden,
     "a lamp is hidden from diffuse rays": lamp_hidden,
@@ -71,6 +82,8 @@ CHANGES = {
     "light bounces eight times": bounces(diffuse=8),
     "a lamp lights one wall alone": linked("INCLUDE"),
     "a lamp lights all but one wall": linked("EXCLUDE"),
+    "one thing alone is in the way of a lamp's light": shaded_by("INCLUDE"),
+    "one thing is not in the way of a lamp's light": shaded_by("EXCLUDE"),
 }
 
 

@@ -50,6 +50,18 @@ def test_effective_ior(ior, level, expected):
     assert effective_ior(np.float64(ior), np.float64(level)) == pytest.approx(expected, abs=1e-5)
 
 
+@pytest.mark.parametrize("kind, inputs, expected", [
+    ("ShaderNodeBsdfPrincipled", {}, (0.5, 1.5, 4)), ("ShaderNodeBsdfDiffuse", {}, (0.5, 1.5, 4)),
+    ("ShaderNodeBsdfPrincipled", {"Metallic": 1.0}, (0.5, 1, 1)),
+    ("ShaderNodeBsdfPrincipled", {"Transmission_Weight": 1.0}, (0.5, 1, 1)),
+    ("ShaderNodeBsdfPrincipled", {"Subsurface_Weight": 1.0}, (0.5, 1, 1)),
+    ("ShaderNodeBsdfGlossy", {}, (0.5, 1.5, 4)), ("ShaderNodeSubsurfaceScattering", {}, (0.5, 1, 1))])
+def test_colors_above_one_count_where_cycles_counts_them(kind, inputs, expected):
+    color = "Base_Color" if kind == "ShaderNodeBsdfPrincipled" else "Color"
+    made, _, _ = material(kind, **{color: (0.5, 1.5, 4, 1)}, **inputs)
+    np.testing.assert_allclose(tile_of(made)[0][:3], expected, atol=2e-3)
+
+
 def test_principled_constants():
     opaque, _, _ = material(Base_Color=(0.1, 0.2, 0.3, 1), Metallic=0.25, Roughness=0.4)
     assert_tile(opaque, base_color=(0.1, 0.2, 0.3), metallic=0.25, roughness=0.4, ior=1.3294)

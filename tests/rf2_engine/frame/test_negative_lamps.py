@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lamps of negative strength take direct and bounced light away, as in Cycles."""
+import pytest
+
+from tests.rf2_engine.rooms import assert_alike, beside_cycles, lamp, remarks, room
+
+
+@pytest.mark.parametrize("light", ["TRACED", "NETWORK"])
+@pytest.mark.parametrize("kind, energy", [("POINT", -40), pytest.param("AREA", -20, marks=pytest.mark.slow)])
+def test_a_negative_lamp_takes_as_much_light_as_in_cycles(scene, tmp_path, light, kind, energy):
+    room(scene)
+    lamp(scene)
+    lamp(scene, (1.2, 0.5, 1.5), (0, 0, 0), energy, kind).name = "Dark"
+    scene.renderformer_v2.light = light
+    assert_alike(*beside_cycles(scene, tmp_path), rtol=0.12)
+    assert "negative" not in remarks()
