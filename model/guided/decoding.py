@@ -26,16 +26,18 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
 
     Exposed as the view's light is. Zeros leave the light exactly as it is. Where light was traced, there are two
     estimates of it that are right in different places, and the share of either is all that the network decides:
-    factors that were learnt from few scenes are wrong in others.
+    factors that were learnt from few scenes are wrong in others. Where the user lets no light bounce, which training
+    never did, traced light is believed and nothing is added.
     """
     light, raw = view.light, raw.float()
     untraced = 1 - light.is_traced.view(-1, 1, 1, 1)
-    share = raw[:, OUTPUTS["share"]].tanh()
+    may_bounce = view.may_bounce.view(-1, 1, 1, 1)
+    share = raw[:, OUTPUTS["share"]].tanh() * may_bounce
     raw = raw * untraced
     direct, indirect = (raw[:, OUTPUTS[name]].unflatten(1, (3, 3)) for name in ("direct", "indirect"))
     direct = torch.where(light.has_rays.view(-1, 1, 1, 1, 1) > 0, factor(direct), with_shadows(direct, raw, view))
     indirect = factor(indirect)
-    missing = added(raw[:, OUTPUTS["missing"]]).unflatten(1, (3, 3))
+    missing = (added(raw[:, OUTPUTS["missing"]]) * may_bounce).unflatten(1, (3, 3))
     in_media = view.surface[:, SURFACE["alpha"]] * view.has_media.view(-1, 1, 1, 1)
     fields = {"bounced": 0, "reflected": 1, "refracted": 2, "behind": 2}  # by lobe
     corrected = {name: (getattr(light, name) * indirect[:, lobe] + missing[:, lobe]).clamp_min(0)

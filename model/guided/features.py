@@ -18,7 +18,7 @@ from ..light.hit_surfaces import HitSurfaces
 from ..light.surface_light import SurfaceLight
 from ..network.config import ModelConfig
 from ..network.inputs import ViewInputs, view_inputs
-from ..scene import Guides, View
+from ..scene import Guides, RenderScene, View
 from .exposure import display_encode, key_exposure
 
 SURFACE = Channels(
@@ -62,6 +62,7 @@ class GuidedView(ViewInputs):
     light: SurfaceLight
     exposure: Tensor = array("V")                          # factor on network exposure
     has_media: Tensor = array("V")                         # 1 if the scene has media, whose light no lobe explains
+    may_bounce: Tensor = array("V")                        # 1 if light bounces off matte surfaces, as in training
     emitters: Tensor = array("V", STRONGEST, len(EMITTER), "H", "W", channels=EMITTERS)  # of each pixel, or 0
 
     def features(self, rows: slice = slice(None)) -> Tensor:
@@ -105,6 +106,7 @@ def guided_view(light: SceneLight, view: View, guides: Guides, config: ModelConf
                       surface=_surface(surfaces, position, bundles, noise, config.patch_size),
                       seen=seen * exposure, light=exposed, exposure=exposure,
                       has_media=torch.full_like(exposure, light.direct.fog is not None),
+                      may_bounce=torch.full_like(exposure, _may_bounce(light.scene)),
                       emitters=_emitters(light, surfaces))
 
 
@@ -116,6 +118,11 @@ def _emitters(light: SceneLight, surfaces: HitSurfaces) -> Tensor:
     points = surfaces.position.flatten(0, 1), surfaces.normal.flatten(0, 1)
     strongest = light.direct.strongest_emitters(*points) * surfaces.is_covered.reshape(-1, 1, 1)
     return strongest.permute(1, 2, 0).unflatten(-1, (height, width))[None]
+
+
+def _may_bounce(scene: RenderScene) -> bool:
+    most = scene.most_bounces
+    return most["diffuse"] > 0 and most["all"] > 0
 
 
 def samples_of(guides: Guides) -> np.ndarray:

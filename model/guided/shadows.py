@@ -17,9 +17,9 @@ from ..light.direct.emitter_light import EMITTER, STRONGEST
 from ..network.config import ModelConfig
 from ..network.layers import Linear, RMSNorm
 
-HEADS = 3
 WIDTH = 32       # of a head
-REACH = 0.1, 0.3  # network units over which scores fall by 1, at first: of the first and of the last head
+REACHES = 0.1, 0.17, 0.3  # network units over which the scores of each head fall by 1, at first
+HEADS = len(REACHES)
 CLEARANCE = 0.1  # network units of the line, at both ends, in which what shines and what is lit lie themselves
 NOWHERE = 0.3    # network units from every line at which tokens are that are no triangles: nothing is in the way
 FARTHEST = 4.0   # network units to which a line to a sun goes
@@ -39,8 +39,7 @@ class ShadowAttention(nn.Module):
         self.v_proj = Linear(width, HEADS * (WIDTH - 3), bias=False)
         self.out_proj = Linear(STRONGEST * HEADS * (WIDTH - 3 + PLACE), width, bias=False)
         nn.init.zeros_(self.out_proj.weight)
-        reach = torch.linspace(*map(math.log, REACH), HEADS)
-        self.log_reach = nn.Parameter(reach)
+        self.log_reach = nn.Parameter(torch.tensor([math.log(reach) for reach in REACHES]))
 
     def forward(self, rays: Tensor, position: Tensor, emitters: Tensor, tokens: Tensor, places: Tensor,
                 is_triangle: Tensor, is_token: Tensor | None = None) -> Tensor:

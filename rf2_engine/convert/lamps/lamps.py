@@ -65,7 +65,7 @@ def split_negative(lamps: list[LampInstance]) -> tuple[list[LampInstance], list[
             light = copy.copy(lamp.light)
             light.energy = -light.energy
             negated.append(replace(lamp, light=light))
-    return [lamp for lamp in lamps if lamp.light.energy >= 0], negated
+    return [lamp for lamp in lamps if not lamp.light.energy < 0], negated  # NaN is neither
 
 
 def _is_sun(lamp: LampInstance) -> bool:

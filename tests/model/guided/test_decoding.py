@@ -75,6 +75,14 @@ def test_lobes_get_light_that_nothing_has_found():
     assert all((getattr(less, name) >= 0).all() for name in ("bounced", "reflected", "refracted", "behind"))
 
 
+@pytest.mark.parametrize("is_traced", [False, True])
+def test_nothing_is_added_where_the_user_lets_no_light_bounce(is_traced):
+    view = inputs(is_traced)
+    raw, dark = outputs(view, missing=5.0, share=5.0), replace(view, may_bounce=torch.zeros(1))
+    assert torch.equal(corrected_light(raw, dark).radiance(), view.light.radiance())
+    assert not torch.allclose(corrected_light(raw, view).radiance(), view.light.radiance())
+
+
 def test_a_factor_of_zero_is_1_and_others_are_bounded():
     raw = torch.tensor([-30.0, 0.0, 30.0])
     torch.testing.assert_close(factor(raw), torch.tensor([1 / LARGEST_FACTOR, 1.0, LARGEST_FACTOR]))

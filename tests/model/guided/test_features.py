@@ -76,6 +76,12 @@ def test_noise_is_that_of_the_samples_and_without_rays_only_direct_light_without
     assert (unshadowed >= shadowed - 1e-5).all() and (unshadowed > shadowed + 1e-3).any()
 
 
+@pytest.mark.parametrize("bounces, may", [(None, 1), ((1, 0, 0, 1), 1), ((0, 4, 12, 12), 0), ((4, 4, 12, 0), 0)])
+def test_a_view_says_whether_light_may_bounce(bounces, may):
+    scene = replace(floor_scene(), bounces=None if bounces is None else np.int32(bounces))
+    assert guided_view(scene_light(scene), *floor_view(), CONFIG).may_bounce == may
+
+
 def test_exposure_scales_all_radiance_of_each_view_and_nothing_else():
     view = inputs(traced=0.5)
     brighter = with_exposure(view.light, torch.tensor([4.0]))
