@@ -98,13 +98,18 @@ def map_arrays(group, changes: dict[Behaviour, Callable]):
     A function takes the array with the axis in question last, and returns the same shape, or its very argument for no
     change. A field with several behaviours is changed by each of them.
     """
+    return map_layouts(group, lambda value, layout: _changed(value, layout, changes))
+
+
+def map_layouts(group, change: Callable):
+    """A copy in which all arrays are change(array, its Layout), nested groups included."""
     values = {}
     for f in fields(group):
         value, layout = getattr(group, f.name), f.metadata.get("layout")
         if is_dataclass(value):
-            values[f.name] = map_arrays(value, changes)
+            values[f.name] = map_layouts(value, change)
         elif value is not None and layout is not None:
-            values[f.name] = _changed(value, layout, changes)
+            values[f.name] = change(value, layout)
     return replace(group, **values)
 
 

@@ -35,7 +35,7 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     share = raw[:, OUTPUTS["share"]].tanh() * may_bounce
     raw = raw * untraced
     direct, indirect = (raw[:, OUTPUTS[name]].unflatten(1, (3, 3)) for name in ("direct", "indirect"))
-    direct = torch.where(light.has_rays.view(-1, 1, 1, 1, 1) > 0, factor(direct), with_shadows(direct, raw, view))
+    direct = factor(direct) if light.is_by_rays() else with_shadows(direct, raw, view)
     indirect = factor(indirect)
     missing = (added(raw[:, OUTPUTS["missing"]]) * may_bounce).unflatten(1, (3, 3))
     in_media = view.surface[:, SURFACE["alpha"]] * view.has_media.view(-1, 1, 1, 1)
@@ -53,11 +53,13 @@ def factor(raw: Tensor) -> Tensor:
 
 
 def with_shadows(direct: Tensor, raw: Tensor, view: GuidedView) -> Tensor:
-    """(V, 3, 3, H, W) factors of unshadowed direct light; of the diffuse lobe also the visibility of emitters."""
+    """(V, 3, 3, H, W) factors of direct light; where it is unshadowed, of the diffuse lobe also the visibility of
+    emitters."""
     share = view.emitters[:, :, EMITTER["share"]]
     change = visibility(raw[:, OUTPUTS["visible"], None]) - 1
     diffuse = (share * change[:, :STRONGEST]).sum(1) + (1 - share.sum(1)) * change[:, STRONGEST]
-    return visibility(direct) * torch.cat([1 + diffuse[:, None], torch.ones_like(direct[:, 1:])], 1)
+    unshadowed = visibility(direct) * torch.cat([1 + diffuse[:, None], torch.ones_like(direct[:, 1:])], 1)
+    return torch.where(view.light.has_rays.view(-1, 1, 1, 1, 1) > 0, factor(direct), unshadowed)
 
 
 def visibility(raw: Tensor) -> Tensor:

@@ -59,18 +59,20 @@ class GuidedRenderFormer(RenderFormer):
     def ray_tokens(self, context: SceneContext, view: GuidedView) -> Tensor:
         """Where no rays were traced for shadows, bundles look for what is between them and the emitters."""
         rays = self.embed_rays(view)
-        if bool((view.light.has_rays > 0).all()):
+        if view.light.is_by_rays():
             return rays
-        tokens = context.tokens, context.positions, context.triangle >= 0
-        return rays + self.shadow_light(rays, view, *(x[None].expand(len(rays), *x.shape) for x in tokens))
+        return rays + self.shadow_light(rays, view, context.tokens[None], context.positions[None],
+                                        context.triangle[None] >= 0)
 
     def shadow_light(self, rays: Tensor, view: GuidedView, *tokens: Tensor) -> Tensor:
         """What `ShadowAttention` adds to the ray tokens (V, R, D) of views, where there are no rays.
 
-        tokens: those of the scene, and the rest of its arguments, for each view.
+        tokens: those of B scenes, and the rest of its arguments; the same number of views belongs to each scene.
         """
         emitters = bundle_emitters(view.emitters, self.config.patch_size)
-        return self.shadows(rays, view.positions, emitters, *tokens) * (1 - view.light.has_rays.view(-1, 1, 1))
+        of_scenes = (x.unflatten(0, (len(tokens[0]), -1)).flatten(1, 2) for x in (rays, view.positions, emitters))
+        light = self.shadows(*of_scenes, *tokens).reshape(rays.shape)
+        return light * (1 - view.light.has_rays.view(-1, 1, 1))
 
     def embed_rays(self, view: GuidedView) -> Tensor:
         """Ray bundles have the features of their pixels."""

@@ -57,6 +57,10 @@ class SurfaceLight(TensorGroup):
         is_traced = self.is_traced.view(-1, 1, 1, 1)
         return is_traced * self.traced + (1 - is_traced) * self.estimate() + self.bounces()
 
+    def is_by_rays(self) -> bool:
+        """Whether the estimates of all views are by rays."""
+        return bool((self.has_rays > 0).all())
+
     def rows(self, rows: slice) -> SurfaceLight:
         """Some rows of the views; shared memory."""
         return replace(self, **{name: getattr(self, name)[..., rows, :] for name in self.PICTURES})

@@ -83,9 +83,9 @@ def material_tiles(pooled: Tensor, mapper) -> Tensor:
 
     mapper: (P, 7) BSDF parameters -> (P, 9) latents.
     """
-    pooled = pooled.clone()
-    pooled[:, BASE_COLOR].clamp_(max=1)  # no mapper was trained with more
-    parameters = pooled[:, : NORMAL.start].flatten(2).transpose(1, 2)  # (T, q^2, 7)
+    parameters = pooled[:, : NORMAL.start].clone()
+    parameters[:, BASE_COLOR].clamp_(max=1)  # no mapper was trained with more
+    parameters = parameters.flatten(2).transpose(1, 2)  # (T, q^2, 7)
     constant = (parameters == parameters[:, :1]).all(2).all(1)
     with torch.no_grad():
         latents = mapper(parameters[:, :1]).expand(-1, parameters.shape[1], -1).clone()

@@ -61,19 +61,12 @@ class RenderFormer(SceneEmbedding):
 
     def embed_scene(self, inputs: NetworkInputs) -> tuple[Tokens, int]:
         """The packed sequence before stage 1, and the length of its sink."""
-        embedded = self.embed_triangles(inputs)
-        triangles = Tokens(embedded, centroids(inputs.triangles), torch.arange(len(embedded), device=embedded.device))
-        centre = scene_centre(inputs.triangles)
-        fixed = [Tokens.at(self.reg_tokens.float()[0], centre)]
-        if inputs.environment is not None:
-            fixed.append(Tokens.at(self.embed_environment(inputs.environment), centre))
-        volumes = []
-        if inputs.volumes is not None:
-            volumes.append(Tokens.at(self.volume_encoder(inputs.volumes), inputs.volumes.position))
-        first = inputs.is_light if self.config.light_sinks else torch.zeros_like(inputs.is_light)
-        block = self.config.summary_block_size if self.config.summaries else 0
-        tokens, sink = pack(fixed, triangles, first, volumes, block, self.transformer.summary_token_embed.float()[0])
-        return tokens, sink if self.config.sinks else 0
+        triangles = self.embed_triangles(inputs)
+        environment = None if inputs.environment is None else self.embed_environment(inputs.environment)
+        cells = None if inputs.volumes is None else self.volume_encoder(inputs.volumes)
+        tokens, first = arranged(inputs, self.config, self.reg_tokens.float()[0], environment, triangles, cells,
+                                 self.transformer.summary_token_embed.float()[0])
+        return tokens, first if self.config.sinks else 0
 
     def render_view(self, context: SceneContext, rays: ViewInputs) -> torch.Tensor:
         """Stage 2 and decoder for V views -> (V, C, H, W) float32, what `decode` returns.
@@ -126,6 +119,20 @@ class RenderFormer(SceneEmbedding):
         """Size of the keys and values of all stage-2 layers for a sequence of `length` tokens."""
         layers = self.view_transformer.transformer.layers
         return 2 * len(layers) * length * self.config.latent_dim * layers[0].multihead_attn.k_proj.weight.itemsize
+
+
+def arranged(inputs: NetworkInputs, config: ModelConfig, registers: torch.Tensor, environment: torch.Tensor | None,
+             triangles: torch.Tensor, cells: torch.Tensor | None, summary: torch.Tensor) -> tuple[Tokens, int]:
+    """A scene's packed sequence of these embeddings (n, D), and how many tokens stand before the sorted ones.
+
+    environment and cells, of volumes, may be None; summary (1, D) is added to the means of sorted tokens.
+    """
+    centre = scene_centre(inputs.triangles)
+    fixed = [Tokens.at(embedding, centre) for embedding in (registers, environment) if embedding is not None]
+    surfaces = Tokens(triangles, centroids(inputs.triangles), torch.arange(len(triangles), device=triangles.device))
+    volumes = [] if cells is None else [Tokens.at(cells, inputs.volumes.position)]
+    first = inputs.is_light if config.light_sinks else torch.zeros_like(inputs.is_light)
+    return pack(fixed, surfaces, first, volumes, config.summary_block_size if config.summaries else 0, summary)
 
 
 def to_radiance(log_image: torch.Tensor) -> torch.Tensor:

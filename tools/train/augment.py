@@ -10,13 +10,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from renderformer_v2.model.fields import COLOR, DIRECTION, EULER, PANORAMA, POINT, Behaviour, map_arrays, map_channels
+from renderformer_v2.model.fields import (
+    COLOR,
+    DIRECTION,
+    EULER,
+    PANORAMA,
+    POINT,
+    Behaviour,
+    map_arrays,
+    map_channels,
+    map_layouts,
+)
 from renderformer_v2.model.geometry import contracted, uncontracted
 from renderformer_v2.model.guided.features import OFFSET_SCALE, SURFACE
 from renderformer_v2.model.light.direct.emitter_light import EMITTER
@@ -87,19 +97,7 @@ def mirrored(sample: TrainingSample) -> TrainingSample:
         volumes = replace(volumes, density=volumes.density.unflatten(1, (4, 4, 4)).flip(-1).flatten(1))
     bundles = view.positions.unflatten(1, (-1, view.directions.shape[2] // PATCH)).flip(2).flatten(1, 2)
     changed = replace(changed, inputs=replace(changed.inputs, volumes=volumes), view=replace(view, positions=bundles))
-    return _left_is_right(changed)
-
-
-def _left_is_right(group):
-    """A copy of a group in which all arrays with columns of pixels have them in reverse order."""
-    values = {}
-    for f in fields(group):
-        value, layout = getattr(group, f.name), f.metadata.get("layout")
-        if is_dataclass(value):
-            values[f.name] = _left_is_right(value)
-        elif value is not None and "W" in layout.shape:
-            values[f.name] = value.flip(layout.shape.index("W"))
-    return replace(group, **values)
+    return map_layouts(changed, lambda x, layout: x.flip(layout.shape.index("W")) if "W" in layout.shape else x)
 
 
 def turned_and_swapped(sample: TrainingSample, shift: int, order: Tensor) -> TrainingSample:

@@ -19,7 +19,7 @@ from renderformer_v2.model.guided.network import GuidedRenderFormer
 from renderformer_v2.model.network.attention import Attention
 from renderformer_v2.model.network.config import ENVIRONMENT_GRID, ModelConfig
 from renderformer_v2.model.network.inputs import EnvironmentInputs
-from renderformer_v2.model.network.sequence import Tokens, centroids, pack, scene_centre
+from renderformer_v2.model.network.renderformer import arranged
 from renderformer_v2.model.tensor_group import TensorGroup, stacked
 
 from .samples import TrainingSample
@@ -66,25 +66,30 @@ def batches(samples: Iterable, size: int, config: ModelConfig) -> Iterator:
 
 
 def joined(samples: list[TrainingSample], config: ModelConfig) -> Batch:
-    """One batch of samples with views of equal number and size, whose materials are mapped."""
+    """One batch of samples with views of equal number and size."""
     inputs = [sample.inputs for sample in samples]
-    registers, grid = config.num_register_tokens, 2 * ENVIRONMENT_GRID[0] * ENVIRONMENT_GRID[1]
+    registers, block = config.num_register_tokens, config.summary_block_size
+    grid = 2 * ENVIRONMENT_GRID[0] * ENVIRONMENT_GRID[1]  # LDR and HDR
     triangle = registers + len(samples) * grid
     cell = triangle + sum(len(scene.triangles) for scene in inputs)
-    summary = cell + sum(len(scene.volumes.position) for scene in inputs if scene.volumes is not None)
+    summary = cell + sum(_cells(scene) for scene in inputs)
     rows, positions, triangles, sinks, blocks = [], [], [], [], []
     for i, scene in enumerate(inputs):
-        cells = 0 if scene.volumes is None else len(scene.volumes.position)
-        sequence, sink = arranged(scene, config, registers + i * grid, triangle, cell)
-        row, count = sequence.embedding[:, 0].long(), summaries_of(scene, config)
-        row[registers + grid:registers + grid + count] = torch.arange(summary, summary + count)
-        blocks.append(row[len(row) - ordered_tokens(scene, config):][:count * config.summary_block_size]
-                      .view(count, config.summary_block_size))
-        rows.append(row)
+        # The embedding of a token is its row; that of a summary is no number.
+        sequence, first = arranged(
+            scene, config, _column(0, registers), _column(registers + i * grid, grid),
+            _column(triangle, len(scene.triangles)), _column(cell, _cells(scene)) if _cells(scene) else None,
+            torch.full((1, 1), torch.nan))
+        row = sequence.embedding[:, 0]
+        is_summary = row.isnan()
+        count = int(is_summary.sum())
+        row[is_summary] = torch.arange(summary, summary + count, dtype=row.dtype)
+        rows.append(row.long())
+        blocks.append(rows[-1][first:first + count * block].view(count, block))
         positions.append(sequence.position)
         triangles.append(sequence.triangle >= 0)
-        sinks.append(sink)
-        triangle, cell, summary = triangle + len(scene.triangles), cell + cells, summary + count
+        sinks.append(first if config.sinks else 0)
+        triangle, cell, summary = triangle + len(scene.triangles), cell + _cells(scene), summary + count
     length = torch.tensor([len(row) for row in rows])
     padding = -int(length.max()) % MULTIPLE
     views = {f.name: torch.cat([getattr(sample, f.name) for sample in samples])
@@ -95,37 +100,13 @@ def joined(samples: list[TrainingSample], config: ModelConfig) -> Batch:
                  F.pad(pad_sequence(triangles, True), (0, padding)), torch.cat(blocks))
 
 
-def arranged(scene: GuidedInputs, config: ModelConfig, environment: int, triangle: int,
-             cell: int) -> tuple[Tokens, int]:
-    """The sequence of a scene as `RenderFormer.embed_scene` packs it, and its sink; embeddings are rows of a batch, of
-    which these are the first."""
-    def rows(first: int, count: int) -> Tensor:
-        return torch.arange(first, first + count, dtype=torch.float64)[:, None]
-
-    centre = scene_centre(scene.triangles)
-    fixed = [Tokens.at(rows(0, config.num_register_tokens), centre),
-             Tokens.at(rows(environment, 2 * ENVIRONMENT_GRID[0] * ENVIRONMENT_GRID[1]), centre)]
-    triangles = Tokens(rows(triangle, len(scene.triangles)), centroids(scene.triangles),
-                       torch.arange(len(scene.triangles)))
-    volumes = [] if scene.volumes is None else [
-        Tokens.at(rows(cell, len(scene.volumes.position)), scene.volumes.position)]
-    block = config.summary_block_size if config.summaries else 0
-    tokens, sink = pack(fixed, triangles, first_tokens(scene, config), volumes, block, torch.zeros(1))
-    return tokens, sink if config.sinks else 0
+def _column(first: int, count: int) -> Tensor:
+    """(count, 1) f64: rows of a batch, beginning with `first`."""
+    return torch.arange(first, first + count, dtype=torch.float64)[:, None]
 
 
-def first_tokens(scene: GuidedInputs, config: ModelConfig) -> Tensor:
-    """(N,) bool: triangles that stand before the sorted tokens."""
-    return scene.is_light if config.light_sinks else torch.zeros_like(scene.is_light)
-
-
-def ordered_tokens(scene: GuidedInputs, config: ModelConfig) -> int:
-    cells = 0 if scene.volumes is None else len(scene.volumes.position)
-    return len(scene.triangles) + cells - int(first_tokens(scene, config).sum())
-
-
-def summaries_of(scene: GuidedInputs, config: ModelConfig) -> int:
-    return ordered_tokens(scene, config) // config.summary_block_size if config.summaries else 0
+def _cells(scene: GuidedInputs) -> int:
+    return 0 if scene.volumes is None else len(scene.volumes.position)
 
 
 def _joined_inputs(inputs: list[GuidedInputs]) -> GuidedInputs:
@@ -178,10 +159,9 @@ def gather_light(model: GuidedRenderFormer, tokens: Tensor, batch: Batch) -> Ten
     positions = model.ray_positions(view).unflatten(0, (len(batch), -1)).flatten(1, 2)
     of_rays, of_tokens = stage.rope_emb(positions), stage.rope_emb(batch.positions)
     mask = is_token(batch)[:, None, None].expand(-1, 1, positions.shape[1], -1)
-    per_view = (x.repeat_interleave(len(view.origin) // len(batch), 0) for x in (
-        tokens, batch.positions, batch.is_triangle, is_token(batch)))
     rays = model.embed_rays(view)
-    rays, features = (rays + model.shadow_light(rays, view, *per_view)).unflatten(1, grid), {}
+    rays = rays + model.shadow_light(rays, view, tokens, batch.positions, batch.is_triangle, is_token(batch))
+    rays, features = rays.unflatten(1, grid), {}
     for i, layer in enumerate(stage.layers):
         attention, x = layer.multihead_attn, rays.view(len(batch), -1, rays.shape[-1])
         keys_values = attention.keys_values(layer.kv_norm(tokens), of_tokens)
