@@ -20,7 +20,7 @@ from .encoders import EnvironmentEncoder, Guidance, TileEncoder
 from .features import FEATURES, GuidedView
 from .guided_inputs import GuidedInputs
 from .kernels import LATENT, KernelPredictor
-from .pixel_decoder import REACH, PixelDecoder
+from .pixel_decoder import PixelDecoder
 from .shadows import ShadowAttention, bundle_emitters
 
 
@@ -33,9 +33,9 @@ class GuidedRenderFormer(RenderFormer):
         self.environment_encoder = EnvironmentEncoder(config)
         self.guidance = Guidance(config)
         self.shadows = ShadowAttention(config)
-        width = config.guidance.pixel_decoder_width
+        width, coarse_width = config.guidance.pixel_decoder_width, config.guidance.pixel_decoder_coarse_width
         self.view_transformer.out_dpt = DPTDecoder(config, out_channels=width)
-        self.pixel_decoder = PixelDecoder(len(FEATURES) + width, width, len(OUTPUTS) + LATENT)
+        self.pixel_decoder = PixelDecoder(len(FEATURES) + width, width, len(OUTPUTS) + LATENT, coarse_width)
         self.kernel_predictor = KernelPredictor(config.guidance.kernel_predictor_width)  # of finished pictures
 
     def embed_textures(self, tiles: Tensor) -> Tensor:
@@ -91,8 +91,11 @@ class GuidedRenderFormer(RenderFormer):
 
         if not is_inference():
             return decode(slice(None))
+        height, width = context.shape[-2:]
+        reach = self.pixel_decoder.reach
+        pixels = current_pieces().limit(max(BAND_PIXELS, 4 * reach * width))  # margins are computed twice
         return torch.cat([decode(outer)[..., inner, :] for outer, inner in bands(
-            *context.shape[-2:], margin=REACH, pixels=current_pieces().limit(BAND_PIXELS))], -2)
+            height, width, margin=reach, pixels=pixels, multiple=2)], -2)
 
 
 def new_network(config: ModelConfig) -> RenderFormer:

@@ -43,6 +43,7 @@ class Guidance:
     tile_encoder_width: int = 32
     environment_encoder_width: int = 32
     pixel_decoder_width: int = 32
+    pixel_decoder_coarse_width: int = 0  # of layers of half resolution; 0: there are none
     kernel_predictor_width: int = 32
 
 

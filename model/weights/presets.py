@@ -27,7 +27,7 @@ def rf2_small() -> ModelConfig:
         vertex_pe_num_freqs=6, intra_rope_pe_num_freqs=20, vn_pe_num_freqs=2, texture_channels=16,
         envmap_latent_channels=8, envmap_ray_dir_map_patch_size=8, view_transformer_latent_dim=192,
         view_transformer_ffn_hidden_dim=512, view_transformer_n_heads=3, view_transformer_n_layers=4, dpt_features=48,
-        dpt_out_channels=(24, 48, 96, 192), guidance=Guidance())
+        dpt_out_channels=(24, 48, 96, 192), guidance=Guidance(pixel_decoder_coarse_width=64))
 
 
 PRESETS = {"rf2_200m": rf2_200m, "rf2_small": rf2_small}

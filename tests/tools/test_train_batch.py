@@ -20,7 +20,7 @@ from tools.train.augment import mirrored, resized
 from tools.train.batch import batches, joined, render_batch
 from tools.train.errors import TrainingError
 from tools.train.losses import structure_loss
-from tools.train.network import batch_loss, sample_loss
+from tools.train.network import batch_loss, main, sample_loss
 from tools.train.sample_cache import _flatten
 from tools.train.samples import LOBES, LightInputs, build_sample, with_latents
 
@@ -133,3 +133,10 @@ def test_a_resized_sample_is_seen_from_farther_and_its_angles_stay(tmp_path, sam
     torch.testing.assert_close(nearness, 1 / (1 + (lamp - hits[covered[:, 0]]).norm(dim=-1)), atol=1e-3, rtol=1e-3)
     cells, before = other.inputs.volumes, sample.inputs.volumes
     torch.testing.assert_close(cells.scale * cells.scattering, before.scale * before.scattering)
+
+
+def test_steps_of_no_whole_number_of_batches_are_refused(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["network", "--data", str(tmp_path), "--out", str(tmp_path / "out"), "--steps", "1",
+                                     "--batch", "2", "--scenes-per-step", "3"])
+    assert main() == 2
+    assert "no whole number of batches of 2" in capsys.readouterr().err

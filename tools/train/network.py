@@ -95,14 +95,15 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
 def start_from(model: GuidedRenderFormer, folder: Path) -> None:
     """Take over the weights in folder/model.safetensors; inputs and outputs that only `model` has start at zero.
 
-    Modules of which there is nothing there stay as they are, such as a new kernel predictor. Raises TrainingError when
+    Modules of which there is nothing there stay as they are, such as new layers of a decoder. Raises TrainingError when
     a tensor is missing there for another reason, or has another shape than fewer inputs or outputs explain.
     """
     stored = load_file(folder / "model.safetensors")
-    modules = {name.partition(".")[0] for name in stored}
+    module_of = lambda name: name.split(".")[:2]  # noqa: E731
+    modules = [module_of(name) for name in stored]
     with torch.no_grad():
         for name, p in model.named_parameters():
-            if name.partition(".")[0] not in modules:
+            if module_of(name) not in modules:
                 continue
             if name not in stored:
                 raise TrainingError(f"{folder} has no {name}: it holds another network")

@@ -37,11 +37,14 @@ def run(state: TrainingState, config: TrainConfig, options: argparse.Namespace, 
     scenes: endless samples of this process, the first drawn after the state is restored. compute_losses(sample): losses
     on the sample's device, the one to minimise under "total". write_weights: saves the running average for rendering.
     batch: scenes in one of the samples.
-    Raises TrainingError when training has gone wrong.
+    Raises TrainingError when training has gone wrong, or when a step is no whole number of batches.
     """
     device, saved = torch.device(options.device), options.out / "state.safetensors"
     scenes_per_step = ranks.share(options.scenes_per_step or config.scenes_per_step, "--scenes-per-step")
-    samples_per_step = max(scenes_per_step // batch, 1)
+    if scenes_per_step % batch:
+        raise TrainingError(f"a step of {scenes_per_step} scenes is no whole number of batches of {batch}: change "
+                            "--batch or --scenes-per-step")
+    samples_per_step = scenes_per_step // batch
     options.out.mkdir(parents=True, exist_ok=True)
     resume(state, saved)
     if options.compile:
