@@ -52,7 +52,7 @@ class Viewport:
     def request(self, view: RegionView, settings: ViewportSettings) -> None:
         """Show what was copied last."""
         source = self.source
-        is_new = source.version and self.session.submit(Request(source.copied, source.state, view, settings))
+        is_new = source.newest and self.session.submit(Request(source.newest, source.state, view, settings))
         if is_new or self.session.has_work():
             worker.wake()
 
@@ -65,7 +65,7 @@ def update(engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph
 def draw(engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
     is_read, error = _advance(engine, context, depsgraph)
     session, region = _viewport(engine).session, context.region
-    picture, message = session.displayed, error or session.error
+    picture, message = session.displayed or session.sketch, error or session.error
     if picture is not None and not message:  # a picture of something older would make text hard to read
         _viewport(engine).texture.draw(engine, depsgraph.scene, picture.pixels, _rectangle(picture, region))
     engine.update_stats("", "" if error else status_text(session, is_reading=not is_read))
@@ -87,7 +87,7 @@ def _advance(engine, context, depsgraph) -> tuple[bool, str]:
     except (CheckpointError, SceneError, packages.MissingPackages) as error:
         return True, str(error)
     is_read = viewport.refresh(depsgraph, context.space_data)
-    if is_read:
+    if is_read or viewport.source.outline is not None:
         view = RegionView.read(context.region.width, context.region.height, context.region_data, context.space_data,
                              scene, context.preferences.system.pixel_size)
         viewport.request(view, settings)

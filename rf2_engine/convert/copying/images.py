@@ -13,6 +13,7 @@ from .image_files import frame_number, read_pixels, scene_linear
 DATA_SPACES = {"Non-Color", "Raw", "data"}
 LINEAR_SPACES = {"Linear", "scene_linear"}
 MAX_SIZE = 2048
+GREY = np.array([0.4, 0.4, 0.4, 1.0], np.float32)
 BAND = 1 << 15  # texels that are decoded at a time, as many as fit into the processor's cache
 BYTES = np.arange(256, dtype=np.float32) * np.float32(1 / 255)  # as Blender makes floats of them
 LINEAR = srgb_to_linear(BYTES)
@@ -52,6 +53,15 @@ class Images:
                           "relink the file")
             self._cache[key] = _magenta() if pixels is None else _reduced(_as_cycles(image, pixels, straight)), remark
         return self._cache[key]
+
+
+class UnreadImages:
+    """In place of `Images` where they take too long: all are grey."""
+
+    def picture(self, node) -> Picture:
+        """What an Image Texture or Environment Texture shows."""
+        tiles = [tile.number for tile in node.image.tiles] if node.image and node.image.source == "TILED" else [None]
+        return Picture(node.image.source if node.image else "", dict.fromkeys(tiles, Pyramid(GREY.reshape(1, 1, 4))))
 
 
 def _magenta() -> Pyramid:
