@@ -8,10 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...model import progress
-from ...model.camera import view_rays
 from ...model.geometry import corner_weights, facing, unit
 from ...model.rays import Rays
-from ...model.scene import View
 from ...model.surface_kinds import Ray
 from .data.blocks import Material
 from .data.copied import CopiedMesh, CopiedScene, Instance
@@ -61,10 +59,12 @@ class Sketch:
         return [(id(_mesh(surface)), shows, instance.matrix.tobytes())
                 for (surface, instance), shows in zip(self._items, self._shows, strict=True)]
 
-    def picture(self, view: View, transparent: bool) -> np.ndarray:
-        """(H, W, 4) f32 premultiplied linear Rec.709, row 0 on top; transparent: where nothing is, else dark grey."""
-        origin, rays = view_rays(view)
-        rays = rays.reshape(-1, 3)
+    def picture(self, origin: np.ndarray, rays: np.ndarray, transparent: bool) -> np.ndarray:
+        """(H, W, 4) f32 premultiplied linear Rec.709 along unit rays (H, W, 3) from a point (3,), world.
+
+        transparent: where nothing is, else dark grey.
+        """
+        shape, rays = rays.shape[:2], rays.reshape(-1, 3)
         picture = np.full((len(rays), 4), 0 if transparent else BACKGROUND, np.float32)
         picture[:, 3] = not transparent
         starts, at = np.broadcast_to(origin - self._center, rays.shape).astype(np.float32), np.arange(len(rays))
@@ -79,7 +79,7 @@ class Sketch:
             picture[at[~passes]] = np.pad(color[~passes], ((0, 0), (0, 1)), constant_values=1)
             starts = (starts + (1 + STEP) * hits.distance[is_hit, None] * rays[at])[passes]
             at = at[passes]
-        return picture.reshape(view.height, view.width, 4)
+        return picture.reshape(*shape, 4)
 
     def _share(self) -> float:
         """Of the triangles that rays meet."""

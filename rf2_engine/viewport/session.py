@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...model import progress
+from ...model.camera import view_rays
 from ...model.compute import threads
 from ...model.errors import RenderCancelled
 from ..convert.data.cache import ConversionCache
@@ -199,7 +200,8 @@ class Session:
             sketch = Sketch(request.copied, sketch)
         divisor = next((divisor for divisor in (1, 2, 4) if np.prod(request.view.picture_size(divisor)) <= FEW), 8)
         points = sketch.triangles.reshape(-1, 3) if request.view.is_orthographic else sketch.triangles[:0, 0]
-        pixels = sketch.picture(request.view.view(divisor, points), request.settings.frame.film_transparent)
+        rays = view_rays(request.view.view(divisor, points))
+        pixels = sketch.picture(*rays, request.settings.frame.film_transparent)
         self.sketch = DisplayedPicture(pixels, request, divisor, time.perf_counter() - request.requested_at,
                                        len(sketch.triangles))
         self._sketched = request, sketch

@@ -4,6 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.model.camera import view_rays
 from bl_ext.user_default.renderformer_v2.model.first_hits.camera_rays import cast_guides
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert import sketch as sketches
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
@@ -24,7 +25,7 @@ def sketch(reads_images=True, before=None):
 
 
 def picture(transparent=True, **how):
-    return sketch(**how).picture(convert_camera(depsgraph(), WIDTH, HEIGHT, None, Report()), transparent)
+    return sketch(**how).picture(*view_rays(convert_camera(depsgraph(), WIDTH, HEIGHT, None, Report())), transparent)
 
 
 def test_surfaces_are_where_the_conversion_puts_them(scene):
