@@ -20,8 +20,9 @@ from .shading.material import MaterialTiles
 from .shading.points import surface_points
 from .shading.volume import has_surface
 
-MOST = 500_000       # triangles, whose tree takes about a second; of finer scenes a sample of each mesh, enlarged
+MOST = 250_000       # triangles, whose tree takes half a second; of finer scenes a sample of each mesh, enlarged
 LEAST = 12           # of a mesh
+MORE = 1.4           # larger than what they stand for, so that there are few holes between those of a sample
 CLEAR = 0.5          # share of light straight through a surface from which on rays go on
 LAYERS = 4           # of clear surfaces, one behind the other
 AMBIENT = 0.35       # of surfaces that are seen edge-on
@@ -143,7 +144,7 @@ def _shown(surface: CopiedMesh, shows: np.ndarray, share: float) -> tuple[np.nda
     corners = mesh.corners[rows]
     if growth is not None:
         middle = corners.mean(axis=1, keepdims=True)
-        corners = middle + (corners - middle) * growth
+        corners = middle + (corners - middle) * (MORE * growth)
     return rows, corners
 
 

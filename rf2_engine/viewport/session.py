@@ -149,10 +149,9 @@ class Session:
             with progress.reporting(check), threads.limited(thread_count):
                 if piece in (SKETCH, SCENE) and self.displayed is None:
                     self._draw_sketch(request)
-                importing = model_cache.begin_import()
                 if piece != SKETCH:
                     with progress.part(0.0, 0.0, "Loading PyTorch"):
-                        threads.finish_import(importing)
+                        threads.finish_import(model_cache.begin_import())
                     with threads.team(thread_count):
                         self._work(request, piece)
             self._was_dropped = False

@@ -17,6 +17,7 @@ from ..runtime import failure
 from .changes import Changes
 
 SLICE = 0.05  # seconds that Blender's window waits for us at a time, unless one mesh or image takes longer
+EAGER = 4     # times as long while there is nothing to see: between two slices the window is drawn
 
 Key = tuple
 State = tuple[int, int]
@@ -62,10 +63,10 @@ class Source:
         self.changes = Changes(anything=True)
         begin, read = time.perf_counter(), len(self._cache)
         is_outline = not self.version and self.outline is None and read > 0  # one slice was not enough
-        cache = self._cache.of_meshes() if is_outline else self._cache
+        cache, limit = self._cache.of_meshes() if is_outline else self._cache, SLICE * (1 if self.newest else EAGER)
 
         def listen(*_) -> None:
-            if time.perf_counter() - begin > SLICE and len(self._cache) > read:
+            if time.perf_counter() - begin > limit and len(self._cache) > read:
                 raise _SliceOver()
 
         try:
