@@ -42,7 +42,7 @@ class Request:
     requested_at: float = field(default_factory=time.perf_counter)
 
     @property
-    def is_outline(self) -> bool:
+    def is_bare(self) -> bool:
         """Whether the scene is still being read, and what was copied has no images."""
         return not self.state[1]
 
@@ -245,7 +245,7 @@ class Session:
 
     def _next_piece(self, request: Request) -> str | int | None:
         """SKETCH, SCENE, NETWORK, or the divisor of the next level to draw; None if the request is done."""
-        if request.is_outline:
+        if request.is_bare:
             is_drawn = self.displayed is not None or request.looks_like(self._sketched and self._sketched[0])
             return None if is_drawn else SKETCH
         if self._needs_scene(request):

@@ -46,7 +46,7 @@ class Viewport:
     def is_sketching(self) -> bool:
         """Whether there is nothing to see yet, and soon will be: reading images meanwhile would only delay it."""
         session = self.session
-        return self.source is not None and self.source.outline is not None and session.sketch is None and (
+        return self.source is not None and self.source.bare is not None and session.sketch is None and (
             session.displayed is None and session.has_work())
 
     @property
@@ -101,7 +101,7 @@ def _advance(engine, context, depsgraph) -> tuple[bool, str]:
     except (CheckpointError, SceneError, packages.MissingPackages) as error:
         return True, str(error)
     is_read = viewport.refresh(depsgraph, context.space_data)
-    if is_read or viewport.source.outline is not None:
+    if is_read or viewport.source.bare is not None:
         view = RegionView.read(context.region.width, context.region.height, context.region_data, context.space_data,
                              scene, context.preferences.system.pixel_size)
         viewport.request(view, settings)

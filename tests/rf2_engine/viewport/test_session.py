@@ -100,11 +100,11 @@ def test_surfaces_are_shown_without_light_until_there_is_a_picture(corner, monke
     assert close > 8 and red.any() and (smaller(last, sketch.pixels)[red][:, 0] > 0).all()
 
 
-def test_of_an_outline_there_is_a_sketch_and_nothing_else(corner, counted):
+def test_of_a_bare_copy_there_is_a_sketch_and_nothing_else(corner, counted):
     session, source, view = Session(), read(), through_camera(corner, WIDTH, HEIGHT)
-    outline = Request(source.copied, (source.state[0], 0), view, request(corner, source, view).settings)
-    session.submit(outline)
-    assert pictures(session) == [None] and session.sketch.request is outline
+    bare = Request(source.copied, (source.state[0], 0), view, request(corner, source, view).settings)
+    session.submit(bare)
+    assert pictures(session) == [None] and session.sketch.request is bare
     assert not counted["light"] and not counted["picture"]
     submit(session, corner, source, view)
     pictures(session)
