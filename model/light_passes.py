@@ -6,7 +6,7 @@
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -37,6 +37,10 @@ class Lobes:
         scale = radiance / np.maximum(self.radiance, FAINT ** 2)
         return Lobes(radiance, **{name: light * scale for name in ("traced", "direct", "indirect", "groups")
                                   if (light := getattr(self, name)) is not None})
+
+    def without(self, taken: np.ndarray) -> Lobes:
+        """What is left where lamps of negative strength take light (H, W, 3) away, never less than black."""
+        return replace(self.scaled_to((self.radiance - taken).clip(0)), latent=self.latent)
 
     def rows(self, rows: slice) -> Lobes:
         """Some rows of the picture; shared memory."""

@@ -13,6 +13,7 @@ from ...model.scene import RenderScene, View
 from .. import passes as pass_table
 from ..convert.camera.camera import convert_camera
 from ..convert.camera.eyes import Eye, count_views, eyes, view_names
+from ..convert.copying.cache import CopyCache
 from ..convert.data.report import Report
 from ..convert.fitting.framing import Framing
 from ..convert.scene import convert, find_framing
@@ -70,8 +71,8 @@ class Layer:
         return {eye.view: convert_camera(self.depsgraph, self.engine.resolution_x, self.engine.resolution_y,
                                          self.border, self.report, eye) for eye in self.eyes()}
 
-    def convert(self) -> tuple[RenderScene, Framing]:
-        """The scene of the frame, and what it is fitted to."""
+    def convert(self, cache: CopyCache | None = None) -> tuple[RenderScene, Framing]:
+        """The scene of the frame, and what it is fitted to; cache: what was read of it already."""
         shot = Shot.find(self.depsgraph, self.settings, self.engine.resolution_x, self.engine.resolution_y)
         unknown = shot.unknown_keys()
         begin = len(unknown) / (len(unknown) + 1)
@@ -79,7 +80,7 @@ class Layer:
             with progress.part(0.0, begin), shutter.clock(self.engine, self.depsgraph) as move_to:
                 shot.look_ahead(unknown, move_to, self._find_framing)
         with progress.part(begin, 1.0):
-            scene = self._convert(shot.settle)
+            scene = self._convert(shot.settle, cache)
         shot.remember()
         return scene, shot.framing
 
@@ -87,11 +88,11 @@ class Layer:
         """The scene at another moment of the frame, fitted as the frame is."""
         return self._convert(lambda own: framing)
 
-    def _convert(self, choose_framing: Callable[[Framing], Framing]) -> RenderScene:
+    def _convert(self, choose_framing: Callable[[Framing], Framing], cache: CopyCache | None = None) -> RenderScene:
         with Baker(self.depsgraph) if self.settings.bake_unknown else nullcontext() as baker:
             return convert(self.depsgraph, self._full_view(), self.settings.conversion, self.report,
                            choose_framing=choose_framing, baker=baker,
-                           cycles_world=CyclesWorld(self.engine, self.depsgraph, self.status))
+                           cycles_world=CyclesWorld(self.engine, self.depsgraph, self.status), cache=cache)
 
     def _find_framing(self) -> Framing:
         return find_framing(self.depsgraph, self._full_view(), self.settings.conversion,

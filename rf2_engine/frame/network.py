@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...model import progress
+from ...model.light_groups import lit_by_negative
 from ...model.light_passes import Lobes, MeanLobes
 from ...model.scene import Guides, RenderScene, View
 from ...model.weights.presets import BUNDLED
@@ -17,7 +18,8 @@ from ..runtime import model_cache
 from . import shutter
 from .first_hits import FirstHits, render_sample_hits
 from .layer import Layer
-from .light_groups import GroupEstimates, NegativeLight
+from .light_groups import GroupEstimates
+from .lit_alone import LitAlone
 from .optics import Optics
 from .output import EMITTED
 
@@ -45,7 +47,7 @@ class LayerNetwork:
         """Weights other than the bundled ones are loaded now: wrong ones are found before Cycles works for nothing."""
         self._layer, self._scene, self._framing, self._renderer = layer, scene, framing, None
         self._groups: GroupEstimates | None = None
-        self._negative: NegativeLight | None = None
+        self._negative: LitAlone | None = None
         self._has_content = bool(len(scene) or scene.volumes)
         if self._has_content and layer.settings.weights != BUNDLED:
             self.load()
@@ -138,8 +140,10 @@ class LayerNetwork:
                 layer.report.approximated("Lamps", "negative light is ignored")
             elif self._scene.negative is not None:
                 if self._negative is None or self._negative.scene is not self._scene:
-                    self._negative = NegativeLight(self._renderer, self._scene, view)
-                lobes = self._negative.taken_from(lobes, view, guides, layer.settings.follows_specular_paths)
+                    self._negative = LitAlone(self._renderer, self._scene, lit_by_negative(self._scene),
+                                              view.longer_side)
+                taken = self._negative.light(view, guides, layer.settings.follows_specular_paths)
+                lobes = lobes.without(taken)
         if layer.light_groups:
             with layer.plan.enter(GROUPS):
                 if self._groups is None or self._groups.scene is not self._scene:

@@ -25,7 +25,7 @@ from ..progress.status import Status
 from ..runtime import failure, model_cache, running
 from ..runtime.worker import worker
 from ..setup import packages
-from . import card, output, reference
+from . import card, first_picture, output, reference
 from .first_hits import FirstHits, render_first_hits
 from .layer import Layer
 from .light_groups import group_passes
@@ -84,7 +84,11 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     with threads.limited(settings.threads):
         with layer.plan.enter(CONVERT):
             views = layer.views()                                                   # 2. Camera
-            scene, framing = layer.convert()                                        # 3. Scene
+            with output.unless_stopped(engine, layer.name, views):
+                with progress.part(0.0, 0.1):
+                    cache = first_picture.show(layer, views)
+                with progress.part(0.1, 1.0):
+                    scene, framing = layer.convert(cache)                           # 3. Scene
             view = next(iter(views.values()))
             tokens_scene = network_input(scene, view, settings, report)
         layer.plan.set_triangles(len(scene))

@@ -21,7 +21,7 @@ class Texture:
     """The picture that was drawn last, on the graphics card."""
 
     def __init__(self) -> None:
-        self._pixels: np.ndarray | None = None
+        self.pixels: np.ndarray | None = None  # of it
         self._texture = None
 
     def draw(self, engine: bpy.types.RenderEngine, scene: bpy.types.Scene, pixels: np.ndarray,
@@ -29,11 +29,11 @@ class Texture:
         """Pixels (H, W, 4) f32, premultiplied, scene-linear, row 0 on top, into a rectangle of the region."""
         import gpu
         from gpu_extras.presets import draw_texture_2d
-        if self._pixels is not pixels:
+        if self.pixels is not pixels:
             height, width = pixels.shape[:2]
             upwards = np.ascontiguousarray(pixels[::-1].clip(-HALF_MAX, HALF_MAX))
             buffer = gpu.types.Buffer("FLOAT", upwards.size, upwards.ravel())
-            self._pixels, self._texture = pixels, gpu.types.GPUTexture((width, height), format="RGBA16F", data=buffer)
+            self.pixels, self._texture = pixels, gpu.types.GPUTexture((width, height), format="RGBA16F", data=buffer)
             if hasattr(self._texture, "filter_mode"):
                 self._texture.filter_mode(True)
         x0, x1, y0, y1 = rectangle

@@ -11,6 +11,7 @@ from ...model import progress
 from ...model.first_hits.camera_rays import CENTER, SPREAD, cast_guides
 from ...model.light.effort import FULL, QUICK
 from ...model.light.specular.ends import add_path_ends
+from ...model.light_groups import lit_by_negative
 from ...model.scene import RenderScene, View
 from ..convert.compute import compute
 from ..convert.data.cache import ConversionCache
@@ -19,6 +20,7 @@ from ..convert.data.report import Report
 from ..convert.fitting.framing import Framing, fit_box
 from ..convert.shading.hit_materials import HitMaterials
 from ..frame import output
+from ..frame.lit_alone import LitAlone
 from ..frame.shot import has_left
 from ..runtime import model_cache
 from ..sampling import Sampling
@@ -62,6 +64,7 @@ class PreparedScene:
     encoded: object | None  # model.renderer.EncodedScene; None: there is nothing to light
     content: bytes          # model_cache.fingerprint
     hit_materials: HitMaterials   # of the scene
+    negative: LitAlone | None = None  # lit by lamps of negative strength, if it has any
 
     @property
     def is_draft(self) -> bool:
@@ -94,13 +97,15 @@ def prepare_scene(copied: CopiedScene, state: State, view: View, settings: Viewp
     content = model_cache.fingerprint(scene)
     if before and before.content == content and before.settings.scene_key == settings.scene_key:
         return replace(before, state=state, framing=framing, hit_materials=hit_materials)
-    encoded = None
+    encoded = negative = None
     if len(scene) or scene.volumes:
         with progress.part(0.4, 0.5, "Loading the network"):
             network = model_cache.renderer(*frame.renderer)
         with progress.part(0.5, 1.0, "Bouncing light"):
             encoded = network.encode(scene, view.longer_side, draft=True)
-    return PreparedScene(state, settings, scene, framing, encoded, content, hit_materials)
+        if scene.negative is not None and frame.network.has_lobes:
+            negative = LitAlone(network, scene, lit_by_negative(scene), view.longer_side)
+    return PreparedScene(state, settings, scene, framing, encoded, content, hit_materials, negative)
 
 
 def finish_draft(draft: PreparedScene) -> PreparedScene:
@@ -128,7 +133,11 @@ def render_picture(prepared: PreparedScene, view: View, settings: ViewportSettin
     radiance = np.zeros_like(guides.position)
     if prepared.encoded is not None and (covered.any() or prepared.scene.volumes):
         with progress.part(0.2, 1.0, "Lighting the picture"):
-            radiance = prepared.encoded.view(view, guides, QUICK if is_quick else FULL)
+            effort = QUICK if is_quick else FULL
+            radiance = prepared.encoded.view(view, guides, effort)
+            if prepared.negative is not None:
+                taken = prepared.negative.light(view, guides, frame.follows_specular_paths, effort=effort)
+                radiance = (radiance - taken).clip(0)
     opacity = None if frame.film_transparent else np.ones_like(guides.alpha)
     return output.composite(radiance, guides, opacity, None, frame.exposure), guides.position[covered]
 

@@ -9,11 +9,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...model import progress
+from ...model.camera import view_rays
 from ...model.compute import threads
 from ...model.errors import RenderCancelled
 from ..convert.data.cache import ConversionCache
 from ..convert.data.copied import CopiedScene
 from ..convert.data.report import Report
+from ..convert.sketch import Sketch
 from ..runtime import failure, model_cache
 from ..runtime.worker import Stopped
 from . import levels
@@ -21,10 +23,11 @@ from .pictures import PreparedScene, ViewportSettings, finish_draft, needs_refit
 from .region_view import RegionView
 from .source import State
 
-SCENE, NETWORK = "Updating the scene", "Bouncing light"  # pieces of work; the others are levels
+SKETCH, SCENE, NETWORK = "Finding surfaces", "Updating the scene", "Bouncing light"  # pieces of work, beside levels
 NAMES = {1: "full resolution", 2: "1/2", 4: "1/4", 8: "1/8"}
 TEXT_STAYS = 1.0  # seconds
 DRAGGING = 0.5    # seconds between two requests, up to which somebody is dragging something
+FEW = 1 << 16     # pixels of an unlit picture, at most
 PATIENCE = 2.0    # seconds that a piece of work for an older request may still take, so that pictures go on appearing
 
 
@@ -37,6 +40,11 @@ class Request:
     view: RegionView
     settings: ViewportSettings
     requested_at: float = field(default_factory=time.perf_counter)
+
+    @property
+    def is_bare(self) -> bool:
+        """Whether the scene is still being read, and what was copied has no images."""
+        return not self.state[1]
 
     def looks_like(self, other: Request | None) -> bool:
         return other is not None and self.scene_key == other.scene_key and self.view == other.view and (
@@ -70,6 +78,8 @@ class Session:
         self.request: Request | None = None
         self.closed = False
         self.displayed: DisplayedPicture | None = None
+        self.sketch: DisplayedPicture | None = None  # unlit, until there is the first picture
+        self._sketched: tuple[Request, Sketch] | None = None  # its request, and what it was drawn of
         self.error = ""
         self.activity = ""                 # what the worker does for it now
         self._activity_since = 0.0
@@ -100,6 +110,7 @@ class Session:
     def close(self) -> None:
         """The viewport is gone."""
         self.closed, self.request, self.displayed, self._cache = True, None, None, ConversionCache()
+        self.sketch = self._sketched = None
         self.forget()
 
     def forget(self) -> None:
@@ -119,12 +130,13 @@ class Session:
         if piece is None:
             return
         begin = time.perf_counter()
-        shows_nothing_yet = piece == SCENE or self._last_drawn is None or not self._last_drawn[0].looks_like(request)
+        shows_nothing_yet = piece in (SKETCH, SCENE) or self._last_drawn is None or (
+            not self._last_drawn[0].looks_like(request))
 
         def check(text: str, fraction: float) -> None:
             listen()
             is_outdated = self.request is not newest
-            is_long = time.perf_counter() - begin > PATIENCE and not self._was_dropped
+            is_long = time.perf_counter() - begin > PATIENCE and not self._was_dropped and piece != SKETCH
             if self.closed or is_outdated and (is_long or not shows_nothing_yet):
                 self._was_dropped = shows_nothing_yet
                 raise Superseded()
@@ -135,15 +147,13 @@ class Session:
         self._show_activity(piece if isinstance(piece, str) else f"Drawing {NAMES[piece]}")
         try:
             with progress.reporting(check), threads.limited(thread_count):
-                with progress.part(0.0, 0.0, "Loading PyTorch"):
-                    threads.finish_import(model_cache.begin_import())
-                with threads.team(thread_count):
-                    if piece == SCENE:
-                        self._prepare(request)
-                    elif piece == NETWORK:
-                        self._finish_draft(request)
-                    else:
-                        self._draw(request, piece)
+                if piece in (SKETCH, SCENE) and self.displayed is None:
+                    self._draw_sketch(request)
+                if piece != SKETCH:
+                    with progress.part(0.0, 0.0, "Loading PyTorch"):
+                        threads.finish_import(model_cache.begin_import())
+                    with threads.team(thread_count):
+                        self._work(request, piece)
             self._was_dropped = False
         except (Superseded, Stopped, RenderCancelled):
             pass
@@ -153,6 +163,15 @@ class Session:
         if self.closed:
             self.close()
         self.redraw()
+
+    def _work(self, request: Request, piece: str | int) -> None:
+        """What needs PyTorch."""
+        if piece == SCENE:
+            self._prepare(request)
+        elif piece == NETWORK:
+            self._finish_draft(request)
+        else:
+            self._draw(request, piece)
 
     def _request_to_work_on(self, newest: Request | None) -> Request | None:
         """The newest; but a scene that is ready is drawn before it is made anew, so that pictures go on appearing while
@@ -170,6 +189,22 @@ class Session:
         scene = self._scene
         return scene is None or self._refit_request is request or (
             scene.state, scene.settings.scene_key) != request.scene_key
+
+    def _draw_sketch(self, request: Request) -> None:
+        """Surfaces in their own colours: light takes seconds in a large scene, and a cold PyTorch in any."""
+        last, sketch = self._sketched or (None, None)
+        if request.looks_like(last):
+            return
+        if last is None or last.copied is not request.copied:
+            sketch = Sketch(request.copied, sketch)
+        divisor = next((divisor for divisor in (1, 2, 4) if np.prod(request.view.picture_size(divisor)) <= FEW), 8)
+        points = sketch.triangles.reshape(-1, 3) if request.view.is_orthographic else sketch.triangles[:0, 0]
+        rays = view_rays(request.view.view(divisor, points))
+        pixels = sketch.picture(*rays, request.settings.frame.film_transparent)
+        self.sketch = DisplayedPicture(pixels, request, divisor, time.perf_counter() - request.requested_at,
+                                       len(sketch.triangles))
+        self._sketched = request, sketch
+        self.redraw()
 
     def _prepare(self, request: Request) -> None:
         before = None if self._refit_request is request else self._scene
@@ -197,6 +232,7 @@ class Session:
         self._measured_seconds(request)[divisor] = now - begin
         self.displayed = DisplayedPicture(pixels, request, divisor, now - request.requested_at, len(scene.scene))
         self._last_drawn, self.error, self._undrawn_request = (request, divisor), "", None
+        self.sketch = self._sketched = None
         if self._next_piece(request) is None and self._fitted_view != request.view and needs_refit(scene, view, points):
             self._refit_request = request
 
@@ -208,7 +244,10 @@ class Session:
         return self._level_seconds[key]
 
     def _next_piece(self, request: Request) -> str | int | None:
-        """SCENE, NETWORK, or the divisor of the next level to draw; None if the request is done."""
+        """SKETCH, SCENE, NETWORK, or the divisor of the next level to draw; None if the request is done."""
+        if request.is_bare:
+            is_drawn = self.displayed is not None or request.looks_like(self._sketched and self._sketched[0])
+            return None if is_drawn else SKETCH
         if self._needs_scene(request):
             return SCENE
         divisors, seconds = levels.divisors(request.settings.finest), self._measured_seconds(request)

@@ -17,6 +17,7 @@ from ..runtime import failure
 from .changes import Changes
 
 SLICE = 0.05  # seconds that Blender's window waits for us at a time, unless one mesh or image takes longer
+EAGER = 4     # times as long while there is nothing to see: between two slices the window is drawn
 
 Key = tuple
 State = tuple[int, int]
@@ -34,6 +35,7 @@ class Source:
     def __init__(self) -> None:
         self.changes = Changes(everything=True, anything=True)
         self.copied: CopiedScene | None = None
+        self.bare: CopiedScene | None = None  # of a large scene, before its images are read for the first copy
         self.version = 0                # of the copy; 0: none yet
         self.error = ""                 # why it could not be copied
         self._cache = CopyCache()
@@ -43,6 +45,11 @@ class Source:
     def state(self) -> State:
         """Which copy `copied` is, of all copies of all sources."""
         return self._number, self.version
+
+    @property
+    def newest(self) -> CopiedScene | None:
+        """What can be shown."""
+        return self.copied or self.bare
 
     def refresh(self, depsgraph: bpy.types.Depsgraph, hides: Callable | None = None) -> bool:
         """Copy what has changed, on Blender's main thread; False if another slice is needed. What fails is tried again
@@ -55,22 +62,28 @@ class Source:
         self._cache = self.changes.drop_from(self._cache)
         self.changes = Changes(anything=True)
         begin, read = time.perf_counter(), len(self._cache)
+        is_bare = not self.version and self.bare is None and read > 0  # one slice was not enough
+        cache, limit = self._cache.of_meshes() if is_bare else self._cache, SLICE * (1 if self.newest else EAGER)
 
         def listen(*_) -> None:
-            if time.perf_counter() - begin > SLICE and len(self._cache) > read:
+            if time.perf_counter() - begin > limit and len(self._cache) > read:
                 raise _SliceOver()
 
         try:
             with progress.reporting(listen):
-                copied = copy(depsgraph, Report(), cache=self._cache, hides=hides or (lambda obj: False))
+                copied = copy(depsgraph, Report(), cache=cache, hides=hides or (lambda obj: False),
+                              reads_images=not is_bare)
         except _SliceOver:
             return False
         except Exception as error:
-            self.error, self.changes = failure.message(error), Changes()
+            self.error, self.changes, self.bare = failure.message(error), Changes(), None
             return True
         copied.clip_start = 0.0  # of the scene's camera, which need not be the view
+        if is_bare:
+            self.bare = copied
+            return False
         self.changes = Changes()
-        self.copied, self.error, self.version = copied, "", self.version + 1
+        self.copied, self.bare, self.error, self.version = copied, None, "", self.version + 1
         return True
 
 

@@ -42,17 +42,30 @@ class Viewport:
         worker.add(session)
         weakref.finalize(self, session.close)
 
+    @property
+    def is_sketching(self) -> bool:
+        """Whether there is nothing to see yet, and soon will be: reading images meanwhile would only delay it."""
+        session = self.session
+        return self.source is not None and self.source.bare is not None and session.sketch is None and (
+            session.displayed is None and session.has_work())
+
+    @property
+    def has_undrawn_sketch(self) -> bool:
+        session = self.session
+        return session.displayed is None and session.sketch is not None and not session.error and (
+            self.texture.pixels is not session.sketch.pixels)
+
     def refresh(self, depsgraph: bpy.types.Depsgraph, space: bpy.types.SpaceView3D) -> bool:
         """Copy what has changed; False if there is more to do."""
         key = source_key(depsgraph, space)
         self.source = _sources.get(key) or Source()
         _sources[key] = self.source
-        return self.source.refresh(depsgraph, hides_in(space))
+        return not self.is_sketching and self.source.refresh(depsgraph, hides_in(space))
 
     def request(self, view: RegionView, settings: ViewportSettings) -> None:
         """Show what was copied last."""
         source = self.source
-        is_new = source.version and self.session.submit(Request(source.copied, source.state, view, settings))
+        is_new = source.newest and self.session.submit(Request(source.newest, source.state, view, settings))
         if is_new or self.session.has_work():
             worker.wake()
 
@@ -63,16 +76,17 @@ def update(engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph
 
 
 def draw(engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-    is_read, error = _advance(engine, context, depsgraph)
-    session, region = _viewport(engine).session, context.region
-    picture, message = session.displayed, error or session.error
+    viewport = _viewport(engine)
+    is_read, error = (False, "") if viewport.has_undrawn_sketch else _advance(engine, context, depsgraph)
+    session, region = viewport.session, context.region
+    picture, message = session.displayed or session.sketch, error or session.error
     if picture is not None and not message:  # a picture of something older would make text hard to read
-        _viewport(engine).texture.draw(engine, depsgraph.scene, picture.pixels, _rectangle(picture, region))
+        viewport.texture.draw(engine, depsgraph.scene, picture.pixels, _rectangle(picture, region))
     engine.update_stats("", "" if error else status_text(session, is_reading=not is_read))
     if message:
         engine.update_stats("", message.split(":")[0])
         draw_message(message, region.width, region.height)
-    if not is_read:
+    if not is_read and not viewport.is_sketching:
         engine.tag_redraw()
 
 
@@ -87,7 +101,7 @@ def _advance(engine, context, depsgraph) -> tuple[bool, str]:
     except (CheckpointError, SceneError, packages.MissingPackages) as error:
         return True, str(error)
     is_read = viewport.refresh(depsgraph, context.space_data)
-    if is_read:
+    if is_read or viewport.source.bare is not None:
         view = RegionView.read(context.region.width, context.region.height, context.region_data, context.space_data,
                              scene, context.preferences.system.pixel_size)
         viewport.request(view, settings)

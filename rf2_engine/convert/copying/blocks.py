@@ -10,7 +10,7 @@ from ... import compat
 from ...material_settings import latent_of
 from ..data.blocks import Conventions, Lamp, Material, Tree, World
 from .image_files import scene_linear
-from .images import Images
+from .images import Images, UnreadImages
 from .trees import VALUES, Trees, plain
 
 REC709 = "Linear Rec.709"
@@ -20,11 +20,12 @@ VISIBILITY = {"diffuse": Ray.DIFFUSE, "glossy": Ray.GLOSSY, "transmission": Ray.
 class Blocks:
     """The data-blocks of one conversion."""
 
-    def __init__(self, frame: int, depsgraph: bpy.types.Depsgraph | None = None, images: dict | None = None):
+    def __init__(self, frame: int, depsgraph: bpy.types.Depsgraph | None = None, images: dict | None = None,
+                 reads_images: bool = True):
         """frame: that image sequences show; depsgraph: whose evaluated versions of data-blocks are copied; images: what
-        is `known` of them (`Images`)."""
+        is `known` of them (`Images`); reads_images: else all are grey."""
         self.depsgraph = depsgraph
-        self._trees = Trees(Images(frame, images), _conventions())
+        self._trees = Trees(Images(frame, images) if reads_images else UnreadImages(), _conventions())
         self._copies: dict[int, object] = {}
 
     def of(self, block: bpy.types.ID | None) -> Material | Lamp | World | None:

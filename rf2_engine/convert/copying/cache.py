@@ -81,6 +81,10 @@ class CopyCache:
         """How much was read: grows with each mesh and image."""
         return len(self.meshes) + len(self.images)
 
+    def of_meshes(self) -> CopyCache:
+        """The meshes alone, shared, for a copy whose images are not read."""
+        return CopyCache(self.meshes)
+
     def world_of(self, block, frame: int, read: Callable[[], World | None]) -> World | None:
         """The copy of a world, made by `read` once, or once a frame where it has images, which may be movies."""
         if block is None:

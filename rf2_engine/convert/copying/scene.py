@@ -14,11 +14,12 @@ from .instances import add_instances, light_groups
 from .visibility import hidden_in_renders
 
 
-def copy(depsgraph, report, cycles_world=None, baker=None, cache=None, hides=None) -> CopiedScene:
+def copy(depsgraph, report, cycles_world=None, baker=None, cache=None, hides=None, reads_images=True) -> CopiedScene:
     """What a render depsgraph shows; nothing of it refers to Blender's data, which may change or go away afterwards.
 
     cycles_world: as in `draw_world`. baker: is made ready where nodes will have to be baked. kept: what was read for
     copies before (`CopyCache`). hides: says of an original object that it is not shown, in a picture that is no render.
+    reads_images: else all are grey.
     """
     if (space := compat.working_space()) != REC709:
         report.approximated("Working Space", f"{space} is treated as Linear Rec.709: colors of skies and of lights "
@@ -27,13 +28,14 @@ def copy(depsgraph, report, cycles_world=None, baker=None, cache=None, hides=Non
     cache = CopyCache() if cache is None else cache
     with progress.part(0.0, 0.1, "Converting the world"):  # first, for Cycles may have to evaluate the scene anew
         world_block = rendered_world(depsgraph)
-        world = cache.world_of(world_block, frame, lambda: Blocks(frame, depsgraph, cache.images).of(world_block))
+        world = cache.world_of(world_block, frame, lambda: Blocks(frame, depsgraph, cache.images, reads_images).of(
+            world_block))
         copied = CopiedScene(world, draw_world(cycles_world, world))
         if world_block is not None:
             groups = light_groups(depsgraph.view_layer_eval)
             copied.world_light_group = groups.get(world_block.lightgroup, 0)
     with progress.part(0.1, 0.9):
-        blocks = Blocks(frame, depsgraph, cache.images)
+        blocks = Blocks(frame, depsgraph, cache.images, reads_images)
         add_instances(copied, depsgraph, blocks, report, cache, hides or hidden_in_renders(depsgraph).__contains__)
     if (cycles := getattr(depsgraph.scene_eval, "cycles", None)) is not None:
         copied.bounces = (cycles.diffuse_bounces, cycles.glossy_bounces, cycles.transmission_bounces,

@@ -10,7 +10,7 @@ import numpy as np
 from ... import compat
 from ..data.blocks import Conventions, Curve, Curves, Frame, Node, Socket, Tree
 from ..shading import ies
-from .images import Images
+from .images import Images, UnreadImages
 
 VALUES = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 TEXTURES = {"ShaderNodeTexImage", "ShaderNodeTexEnvironment"}
@@ -20,7 +20,7 @@ TABLE_SIZE = 1024  # values of a ramp or a curve
 class Trees:
     """The trees of one conversion; groups are copied once."""
 
-    def __init__(self, images: Images, conventions: Conventions):
+    def __init__(self, images: Images | UnreadImages, conventions: Conventions):
         self.images, self.conventions = images, conventions
         self._groups: dict[int, Tree] = {}
         self._names: dict[str, list[str]] = {}  # by kind of node: the settings that are values

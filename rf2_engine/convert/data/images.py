@@ -9,6 +9,7 @@ import numpy as np
 
 MISSING = np.array([1.0, 0.0, 1.0, 1.0], np.float32)  # magenta, as Blender shows a missing image
 FIRST_TILE, TILES_IN_A_ROW = 1001, 10
+BAND = 64  # rows that are halved at a time, an even number
 _halving = Lock()  # several threads may read one image
 
 
@@ -41,8 +42,7 @@ class Pyramid:
             if not levels:
                 levels.append(self.finished(self.stored))
             while len(levels) <= index and max(levels[-1].shape[:2]) > 1:
-                last = levels[-1]
-                levels.append(area_resample(last, (last.shape[0] + 1) // 2, (last.shape[1] + 1) // 2))
+                levels.append(_halved(levels[-1]))
         return levels[min(index, len(levels) - 1)]
 
     def at(self, uv: np.ndarray, index: int, extension: str, interpolation: str) -> np.ndarray:
@@ -50,6 +50,21 @@ class Pyramid:
         if index == 0:
             return self.finished(sample(self.stored, uv, extension, interpolation))
         return sample(self.level(index), uv, extension)
+
+
+def _halved(pixels: np.ndarray) -> np.ndarray:
+    """As area_resample to half as many rows and columns, rounded up; faster where both are even."""
+    rows, columns = pixels.shape[:2]
+    if rows % 2 or columns % 2:
+        return area_resample(pixels, (rows + 1) // 2, (columns + 1) // 2)
+    half = np.empty((rows // 2, columns // 2, pixels.shape[2]), np.float32)
+    for first in range(0, rows, BAND):  # what fits into the processor's cache
+        pairs = pixels[first:first + BAND:2] + pixels[first + 1:first + BAND:2]
+        pairs *= 0.5
+        own = half[first // 2:first // 2 + len(pairs)]
+        np.add(pairs[:, ::2], pairs[:, 1::2], out=own)
+        own *= 0.5
+    return half
 
 
 def area_resample(pixels: np.ndarray, rows: int, columns: int) -> np.ndarray:

@@ -12,12 +12,15 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.model import progress
+from bl_ext.user_default.renderformer_v2.model.camera import view_rays
 from bl_ext.user_default.renderformer_v2.model.errors import SceneError
 from bl_ext.user_default.renderformer_v2.model.normalize import Normalization
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.scene import copy
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.copied import ConversionOptions
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.sketch import Sketch
 
 MOST = 10_000    # reports of progress while one of these tiny scenes is converted
 HANGING = 300.0  # seconds after which the process is ended, with the place where it is
@@ -58,6 +61,10 @@ def _convert() -> None:
             scene = convert(depsgraph, view, ConversionOptions(2000, 0.3), Report())
     except SceneError:
         return
+    if view is not None:
+        with progress.reporting(with_an_end):
+            sketch = Sketch(copy(depsgraph, Report(), reads_images=next(reports) % 2 == 0))
+            assert np.isfinite(sketch.picture(*view_rays(view), transparent=True)).all()
     _require_finite(scene)
     _require_finite(Normalization.of(scene).scene(scene))
 

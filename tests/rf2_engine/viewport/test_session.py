@@ -10,7 +10,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert import compute
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame.shot import has_left
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import pictures as viewport_pictures
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import session as sessions
-from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.session import Session
+from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.session import Request, Session
 
 from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12, sun
 from tests.rf2_engine.viewport.views import finished, pictures, read, request, through_camera
@@ -84,6 +84,31 @@ def test_the_first_picture_does_not_wait_for_the_network(corner, monkeypatch):
     submit(session, corner, source, through_camera(corner, WIDTH, HEIGHT))
     pictures(session)
     assert drawn[2:] == [(8, True), (8, False)]
+
+
+def test_surfaces_are_shown_without_light_until_there_is_a_picture(corner, monkeypatch):
+    session, source = Session(), read()
+    view, shown = through_camera(corner, WIDTH, HEIGHT), []
+    monkeypatch.setattr(sessions, "prepare_scene", lambda *given, real=sessions.prepare_scene: (
+        shown.append(session.sketch), real(*given))[1])
+    submit(session, corner, source, view)
+    assert pictures(session)
+    (sketch,), last = shown, session.displayed.pixels
+    assert session.sketch is None and sketch.pixels[..., 3].all()
+    close = psnr(sketch.pixels[..., :3], smaller(last, sketch.pixels)[..., :3])
+    red = sketch.pixels[..., 0] > 3 * sketch.pixels[..., 1]
+    assert close > 8 and red.any() and (smaller(last, sketch.pixels)[red][:, 0] > 0).all()
+
+
+def test_of_a_bare_copy_there_is_a_sketch_and_nothing_else(corner, counted):
+    session, source, view = Session(), read(), through_camera(corner, WIDTH, HEIGHT)
+    bare = Request(source.copied, (source.state[0], 0), view, request(corner, source, view).settings)
+    session.submit(bare)
+    assert pictures(session) == [None] and session.sketch.request is bare
+    assert not counted["light"] and not counted["picture"]
+    submit(session, corner, source, view)
+    pictures(session)
+    assert session.displayed is not None and session.sketch is None
 
 
 def test_a_moved_camera_converts_nothing(corner, counted):

@@ -144,7 +144,25 @@ def test_what_takes_long_is_read_in_slices(scene, reads, monkeypatch):
     while not source.refresh(depsgraph()):
         slices += 1
         assert len(reads) == slices
-    assert slices == 2 and reads == ["Cube 0", "Cube 1", "Cube 2"] and len(source.copied.objects) == 3
+    assert slices == 3 and reads == ["Cube 0", "Cube 1", "Cube 2"] and len(source.copied.objects) == 3
+
+
+def test_of_a_scene_that_takes_long_there_is_a_bare_copy_before_images_are_read(scene, monkeypatch):
+    monkeypatch.setattr(sources, "SLICE", 0.0)
+    for i in range(2):
+        of = material(f"Textured {i}")
+        of.node_tree.nodes.new("ShaderNodeTexImage").image = bpy.data.images.new(f"Image {i}", 4, 4)
+        of.node_tree.links.new(of.node_tree.nodes["Image Texture"].outputs["Color"],
+                               of.node_tree.nodes["Principled BSDF"].inputs["Base Color"])
+        cube(scene, f"Cube {i}", (3 * i, 0, 0), of)
+    source = Source()
+    while source.bare is None:
+        assert not source.refresh(depsgraph()) and not source.version
+    assert source.newest is source.bare and len(source.bare.objects) == 2 and len(source._cache.images) < 2
+    bare = source.bare
+    read(source)
+    assert source.newest is source.copied and source.bare is None
+    assert [item[0].mesh for item in source.copied.objects] == [item[0].mesh for item in bare.objects]
 
 
 def test_an_edit_between_two_slices_is_not_lost(scene, monkeypatch):

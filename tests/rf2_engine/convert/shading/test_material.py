@@ -44,6 +44,16 @@ def assert_tile(made, report=None, **expected):
     return emission
 
 
+def test_light_may_differ_from_face_to_face_and_not_within_one():
+    made, tree, emission = material("ShaderNodeEmission", Strength=2.0)
+    tree.links.new(tree.nodes.new("ShaderNodeNewGeometry").outputs["True Normal"], emission.inputs["Color"])
+    faces = triangles(2)
+    faces.corners[1] = faces.corners[1][:, [1, 2, 0]]
+    _, light = MaterialTiles(Report()).triangle_tiles(copied(made), faces)
+    np.testing.assert_allclose(light.max(axis=1), 2, atol=1e-3)
+    assert len(np.unique(light.argmax(axis=1))) == 2
+
+
 @pytest.mark.parametrize("ior, level, expected", [(1.5, 0.5, 1.329431), (1.45, 0.5, 1.29852), (1.33, 0.5, 1.22259),
                                                   (1.8, 0.5, 1.50636), (1.5, 1.0, 1.5), (1.5, 0.0, 1.0)])
 def test_effective_ior(ior, level, expected):
