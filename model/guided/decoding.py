@@ -25,24 +25,26 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     """Decoder channels (V, len(OUTPUTS), H, W) and the light of views -> their light as the network sees it.
 
     Exposed as the view's light is. Zeros leave the light exactly as it is. Where light was traced, there are two
-    estimates of it that are right in different places: it is mixed with the corrected estimate, and indirect light stays
-    as it is, because corrections of that were wrong in new scenes. Where the user lets no light bounce, which training
+    estimates of it that are right in different places, and the share of either is all that the network decides:
+    factors that were learnt from few scenes are wrong in others. Where the user lets no light bounce, which training
     never did, traced light is believed and nothing is added.
     """
     light, raw = view.light, raw.float()
-    is_traced, may_bounce = (x.view(-1, 1, 1, 1) for x in (light.is_traced, view.may_bounce))
-    direct, indirect, missing = (raw[:, OUTPUTS[name]].unflatten(1, (3, 3)) for name in ("direct", "indirect", "missing"))
+    untraced = 1 - light.is_traced.view(-1, 1, 1, 1)
+    may_bounce = view.may_bounce.view(-1, 1, 1, 1)
+    share = raw[:, OUTPUTS["share"]].tanh() * may_bounce
+    raw = raw * untraced
+    direct, indirect = (raw[:, OUTPUTS[name]].unflatten(1, (3, 3)) for name in ("direct", "indirect"))
     direct = factor(direct) if light.is_by_rays() else with_shadows(direct, raw, view)
-    untraced = 1 - is_traced[..., None]
-    indirect, missing = factor(indirect * untraced), added(missing * untraced) * may_bounce[..., None]
+    indirect = factor(indirect)
+    missing = (added(raw[:, OUTPUTS["missing"]]) * may_bounce).unflatten(1, (3, 3))
     in_media = view.surface[:, SURFACE["alpha"]] * view.has_media.view(-1, 1, 1, 1)
     fields = {"bounced": 0, "reflected": 1, "refracted": 2, "behind": 2}  # by lobe
     corrected = {name: (getattr(light, name) * indirect[:, lobe] + missing[:, lobe]).clamp_min(0)
                  for name, lobe in fields.items()}
     glow = (light.glow + added(raw[:, OUTPUTS["rest"]]) * in_media).clamp_min(0)
     light = replace(light, direct=light.direct * direct, glow=glow, **corrected)
-    share = raw[:, OUTPUTS["share"]].tanh() * may_bounce
-    return replace(light, traced=torch.lerp(light.traced, light.estimate(), share).clamp_min(0) * is_traced)
+    return replace(light, traced=torch.lerp(light.traced, light.estimate(), share).clamp_min(0) * (1 - untraced))
 
 
 def factor(raw: Tensor) -> Tensor:
