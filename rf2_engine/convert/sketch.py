@@ -20,6 +20,7 @@ from .shading.material import MaterialTiles
 from .shading.points import surface_points
 from .shading.volume import has_surface
 
+PIXELS = 1 << 16     # of a picture, at most, where somebody waits for it
 MOST = 250_000       # triangles, whose tree takes half a second; of finer scenes a sample of each mesh, enlarged
 LEAST = 12           # of a mesh
 MORE = 1.4           # larger than what they stand for, so that there are few holes between those of a sample

@@ -14,10 +14,8 @@ from .. import passes as pass_table
 from ..convert.copying.cache import CopyCache
 from ..convert.copying.scene import copy
 from ..convert.data.report import Report
-from ..convert.sketch import Sketch
+from ..convert.sketch import PIXELS, Sketch
 from .layer import Layer
-
-PIXELS = 1 << 16  # that are drawn, at most; each fills a square of the picture
 
 
 def show(layer: Layer, views: dict[str, View]) -> CopyCache | None:
@@ -40,7 +38,7 @@ def is_watched(engine: bpy.types.RenderEngine) -> bool:
 
 
 def _picture(sketch: Sketch, view: View, transparent: bool) -> np.ndarray:
-    """(H, W, 4) in squares of one colour."""
+    """(H, W, 4) in squares of one colour, at most PIXELS."""
     step = max(math.ceil(math.sqrt(view.width * view.height / PIXELS)), 1)
     x, y = (np.arange(0, length, step) + step / 2 for length in (view.width, view.height))
     coarse = sketch.picture(*view_rays_at(view, x, y[:, None]), transparent)

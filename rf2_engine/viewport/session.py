@@ -15,7 +15,7 @@ from ...model.errors import RenderCancelled
 from ..convert.data.cache import ConversionCache
 from ..convert.data.copied import CopiedScene
 from ..convert.data.report import Report
-from ..convert.sketch import Sketch
+from ..convert.sketch import PIXELS, Sketch
 from ..runtime import failure, model_cache
 from ..runtime.worker import Stopped
 from . import levels
@@ -27,7 +27,6 @@ SKETCH, SCENE, NETWORK = "Finding surfaces", "Updating the scene", "Bouncing lig
 NAMES = {1: "full resolution", 2: "1/2", 4: "1/4", 8: "1/8"}
 TEXT_STAYS = 1.0  # seconds
 DRAGGING = 0.5    # seconds between two requests, up to which somebody is dragging something
-FEW = 1 << 16     # pixels of an unlit picture, at most
 PATIENCE = 2.0    # seconds that a piece of work for an older request may still take, so that pictures go on appearing
 
 
@@ -197,7 +196,7 @@ class Session:
             return
         if last is None or last.copied is not request.copied:
             sketch = Sketch(request.copied, sketch)
-        divisor = next((divisor for divisor in (1, 2, 4) if np.prod(request.view.picture_size(divisor)) <= FEW), 8)
+        divisor = next((divisor for divisor in (1, 2, 4) if np.prod(request.view.picture_size(divisor)) <= PIXELS), 8)
         points = sketch.triangles.reshape(-1, 3) if request.view.is_orthographic else sketch.triangles[:0, 0]
         rays = view_rays(request.view.view(divisor, points))
         pixels = sketch.picture(*rays, request.settings.frame.film_transparent)

@@ -99,11 +99,10 @@ def start_from(model: GuidedRenderFormer, folder: Path) -> None:
     a tensor is missing there for another reason, or has another shape than fewer inputs or outputs explain.
     """
     stored = load_file(folder / "model.safetensors")
-    module_of = lambda name: name.split(".")[:2]  # noqa: E731
-    modules = [module_of(name) for name in stored]
+    modules = {_module_of(name) for name in stored}
     with torch.no_grad():
         for name, p in model.named_parameters():
-            if module_of(name) not in modules:
+            if _module_of(name) not in modules:
                 continue
             if name not in stored:
                 raise TrainingError(f"{folder} has no {name}: it holds another network")
@@ -112,6 +111,11 @@ def start_from(model: GuidedRenderFormer, folder: Path) -> None:
                 raise TrainingError(f"{folder}: {name} has shape {tuple(values.shape)}, not {tuple(p.shape)}")
             p.zero_()
             p[tuple(slice(size) for size in values.shape[:2])] = values
+
+
+def _module_of(name: str) -> str:
+    """The part of the network that the tensor belongs to, such as "pixel_decoder.coarse"."""
+    return ".".join(name.split(".")[:2])
 
 
 def _fits_into(values: torch.Tensor, p: torch.Tensor) -> bool:
