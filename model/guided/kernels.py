@@ -19,7 +19,6 @@ from ..pictures import BAND_PIXELS, bands
 from ..scene import Guides
 from .exposure import display_encode, key_exposure
 from .features import SAMPLES, SURFACE, GuidedView, noise_of, samples_of
-from .pixel_decoder import REACH as REACH_OF_DECODER
 from .pixel_decoder import PixelDecoder
 
 LATENT = 8                         # channels by which the transformer's decoder has a say
@@ -28,7 +27,6 @@ INPUTS = Channels(1, image=(3, COLOR), emission=(3, COLOR), traced=(3, COLOR), c
 RADIUS = 2                         # pixels, of a kernel
 WEIGHTS = (2 * RADIUS + 1) ** 2    # row by row
 CENTER = WEIGHTS // 2
-REACH = RADIUS + REACH_OF_DECODER    # pixels around one that it depends on
 CENTER_LOGIT = 20.0                        # of the center, that leaves no weight for the others
 BRIGHT = 0.05                       # emission of an emitter's pixel, in the exposure of the picture
 LEAST_WEIGHT = 2e-3                       # smaller weights become 0: a neighbour may be a thousand times brighter
@@ -110,16 +108,17 @@ def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], lob
 
     wraps: whether left and right side are neighbours.
     """
+    reach = RADIUS + predictor.reach
     if wraps:
-        wide = lambda picture: extend_sides(picture, REACH, REACH, wraps)  # noqa: E731
+        wide = lambda picture: extend_sides(picture, reach, reach, wraps)  # noqa: E731
         filtered = antialiased(
             predictor, {key: wide(picture) for key, picture in pictures.items()},
             Lobes(wide(lobes.radiance), latent=None if lobes.latent is None else wide(lobes.latent)),
             Guides(**{key: wide(guide) for key, guide in guides.arrays().items()}))
-        return {key: picture[:, REACH:-REACH] for key, picture in filtered.items()}
+        return {key: picture[:, reach:-reach] for key, picture in filtered.items()}
     device, filtered = predictor.enter.weight.device, []
     exposure = float(key_exposure(torch.from_numpy((lobes.radiance + guides.environment).mean(-1).ravel())))
-    for outer, inner in bands(*guides.alpha.shape, margin=REACH, pixels=current_pieces().limit(BAND_PIXELS)):
+    for outer, inner in bands(*guides.alpha.shape, margin=reach, pixels=current_pieces().limit(BAND_PIXELS)):
         samples = samples_of(guides.rows(outer))
         inputs, may_change = _inputs(lobes.rows(outer), guides.rows(outer), np.float32(exposure), samples)
         kernels = predictor(inputs.to(device)) * may_change.to(device)
