@@ -41,6 +41,12 @@ class _Share:
     start: float = 0.0
     end: float = 1.0
 
+    @property
+    def begun(self) -> float:
+        """How far it is."""
+        latest = self.report.latest
+        return latest if self.start <= latest <= self.end else self.start
+
     def at(self, fraction: float) -> float:
         return self.start + (self.end - self.start) * fraction
 
@@ -71,6 +77,12 @@ def part(start: float, end: float, text: str | None = None):
     return _during(share and share.part(start, end, text))
 
 
+def standing_still():
+    """Inside, progress is no further than before, whatever is reported: it only lets the user cancel."""
+    share = _share.get()
+    return _during(share and replace(share, start=share.begun, end=share.begun))
+
+
 def steps(items: Collection[T], text: str = "") -> Iterator[T]:
     """The items, while each fills an equal share of the surrounding part, under "`text`, 2 of 12" or the text there.
 
@@ -93,6 +105,4 @@ def report(fraction: float | None = None, text: str | None = None) -> None:
     share = _share.get()
     if share is None:
         return
-    latest = share.report.latest
-    begun = latest if share.start <= latest <= share.end else share.start
-    share.report.say(share.text if text is None else text, begun if fraction is None else share.at(fraction))
+    share.report.say(share.text if text is None else text, share.begun if fraction is None else share.at(fraction))

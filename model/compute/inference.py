@@ -9,7 +9,7 @@ Inside, PyTorch records no gradients (`torch.inference_mode`), and
   of ray tokens), between which progress is reported, which may cancel;
 - results may take the place of inputs that are not needed any more (`into`);
 - attention on the CPU runs over blocks of keys that stay in its caches (network/block_attention.py);
-- rows of small operations are shared between threads (`threads.shared`).
+- pieces, and rows of small operations, are shared between threads (`threads.shared`).
 Outside, all is computed whole and gradients pass through it, whether they are recorded or not: training, its validation
 and gradient tests need to say nothing. Code that has to choose asks `is_inference()`.
 
@@ -25,7 +25,8 @@ from contextvars import ContextVar
 import numpy as np
 import torch
 
-from ..progress import report, steps
+from ..progress import standing_still
+from .threads import shared
 
 # Rows per piece: large enough for the matrix products, small enough that a piece takes well under 0.2 s and that the
 # element-wise work between the products stays in the processor's cache.
@@ -96,23 +97,27 @@ def cuts(begin: int, end: int, device: torch.device) -> list[slice]:
     return [slice(first, min(first + size, end)) for first in range(begin, end, size)]
 
 
-def by_rows(function: Callable[[slice], torch.Tensor], pieces: list[slice],
+def by_rows(function: Callable[[slice], torch.Tensor], pieces: list[slice], device: torch.device,
             into: torch.Tensor | None = None) -> torch.Tensor:
-    """function(rows) of all pieces of a sequence, one below the other.
+    """function(rows) of all pieces of a sequence, one below the other; on the CPU, threads share them.
 
     into: memory for the result, if the rows of a piece are computed from nothing there but themselves; left alone
     outside of `inference()`.
     """
     if not is_inference():
         return torch.cat([function(rows) for rows in pieces])
-    length, result = pieces[-1].stop, into
-    for rows in steps(pieces):
+    length, results = pieces[-1].stop, {} if into is None else {0: into}
+
+    def compute(rows: slice) -> torch.Tensor:
         piece = function(rows)
         if len(piece) == length:
             return piece
-        result = like(piece, length, 0) if result is None else result
+        result = results.get(0)
+        result = results.setdefault(0, like(piece, length, 0)) if result is None else result
         result[rows] = piece
-    return result
+        return result
+
+    return shared(compute, pieces, device=device)[-1]
 
 
 def chunked(function: Callable, *tensors: torch.Tensor, size: int = 0, axis: int = 0,
@@ -120,21 +125,24 @@ def chunked(function: Callable, *tensors: torch.Tensor, size: int = 0, axis: int
     """function(*tensors), computed for `size` rows (0: as suit the device) at a time and concatenated along `axis`.
 
     `function` returns a tensor or a tuple of tensors with as many rows (on that axis) as its arguments. into: as for
-    `by_rows`.
+    `by_rows`. On the CPU, threads share the chunks.
     """
-    rows = len(tensors[0])
-    size = (size or current_pieces().rows(tensors[0].device)) if is_inference() else max(rows, 1)
-    results = None if into is None else [into]
-    for begin in range(0, max(rows, 1), size):
-        report()
+    rows, device = len(tensors[0]), tensors[0].device
+    size = (size or current_pieces().rows(device)) if is_inference() else max(rows, 1)
+    results = {} if into is None else {0: [into]}
+
+    def compute(begin: int):
         result = function(*(t[begin:begin + size] for t in tensors))
         if size >= rows:
             return result
         pieces = result if isinstance(result, tuple) else (result,)
-        results = results or [like(piece, rows, axis) for piece in pieces]
-        for full, piece in zip(results, pieces):
+        whole = results.get(0) or results.setdefault(0, [like(piece, rows, axis) for piece in pieces])
+        for full, piece in zip(whole, pieces):
             full.narrow(axis, begin, piece.shape[axis]).copy_(piece)
-    return tuple(results) if isinstance(result, tuple) else results[0]
+        return tuple(whole) if isinstance(result, tuple) else whole[0]
+
+    with standing_still():
+        return shared(compute, range(0, max(rows, 1), size), device=device)[-1]
 
 
 def like(piece: torch.Tensor, length: int, axis: int) -> torch.Tensor:

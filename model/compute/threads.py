@@ -20,7 +20,7 @@ from ..progress import report, steps
 _SLEEP = {"OMP_WAIT_POLICY": "PASSIVE", "KMP_BLOCKTIME": "0"}
 _CHOSEN_BY_USER = (*_SLEEP, "GOMP_SPINCOUNT")
 _GRAIN = 1 << 15  # elements of a tensor that PyTorch does not share between threads
-IMPORT_POLL = 0.05  # seconds between two progress reports
+POLL = 0.05  # seconds between two progress reports
 
 _this = threading.local()  # has `workers`, how many threads may share this one's work, where that is known
 _importing = ThreadPoolExecutor(1, "RenderFormer-V2 imports")
@@ -62,17 +62,18 @@ def team(count: int = 0):
             torch.set_num_threads(before)
 
 
-def shared(function: Callable, *tensors: Sequence) -> list:
-    """[function(*row) for row in zip(*tensors)], the rows shared between the threads of this one's team.
+def shared(function: Callable, *columns: Sequence, device=None) -> list:
+    """[function(*row) for row in zip(*columns)], the rows shared between the threads of this one's team.
 
     For long rows of small operations, which PyTorch's own threads would share one by one or not at all. A GPU works on
     one row after the other, and so does training (inference.py). What is reported is how many rows are done.
+    device: that computes; the one of the first column's tensors when not given.
     """
     import torch
 
     from .inference import current_pieces, inference, is_inference
-    rows, workers = list(zip(*tensors, strict=True)), torch.get_num_threads()
-    if workers == 1 or len(rows) < 2 or not is_inference() or rows[0][0].device.type != "cpu":
+    rows, workers = list(zip(*columns, strict=True)), torch.get_num_threads()
+    if workers == 1 or len(rows) < 2 or not is_inference() or (device or rows[0][0].device).type != "cpu":
         return _in_turn(function, rows)
     pieces = current_pieces()
 
@@ -134,7 +135,7 @@ def _pooled(function: Callable, rows: Sequence[tuple], workers: int, begin: Call
         try:
             for i, result in enumerate([pool.submit(function, row) for row in rows]):
                 report(i / len(rows))
-                results.append(result.result())
+                results.append(finish(result))
             return results
         finally:
             pool.shutdown(cancel_futures=True)
@@ -179,8 +180,8 @@ def begin_import(function: Callable) -> Future:
     return _importing.submit(function)
 
 
-def finish_import(future: Future):
-    """What the function returned or raised. Progress is reported until then, which may cancel; the import goes on."""
-    while not wait([future], IMPORT_POLL).done:
+def finish(future: Future):
+    """What the function returned or raised. Progress is reported until then, which may cancel; the function goes on."""
+    while not wait([future], POLL).done:
         report()
     return future.result()

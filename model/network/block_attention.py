@@ -16,7 +16,8 @@ import torch
 from torch.nn import functional as F
 
 from ..compute.inference import current_pieces, cuts, is_inference, room
-from ..progress import report
+from ..compute.threads import shared
+from ..progress import report, standing_still
 
 SAFE_EXPONENT = 60.0  # exp of it, and of its negative, times the longest sequence, is far inside of float32
 
@@ -41,16 +42,19 @@ class KeysValues:
         self.ends = list(accumulate(block.keys.shape[1] for block in self.blocks))
 
     @classmethod
-    def collect(cls, project: Callable, pieces: list[slice]) -> KeysValues:
+    def collect(cls, project: Callable, pieces: list[slice], device: torch.device) -> KeysValues:
         """project(rows) -> keys and values (n, heads, head width), once for each of the pieces of a sequence."""
-        length, blocks, memory = pieces[-1].stop, [], None
-        for rows in pieces:
-            report()
+        length, memory = pieces[-1].stop, {}
+
+        def block(rows: slice) -> list[torch.Tensor]:
             pair = [x.transpose(0, 1) for x in project(rows)]
-            if not uses_fused_attention(pair[0]):
-                memory = memory or [room((length, *x.shape[::2]), x) for x in pair]
-                pair = [block[rows].view(x.shape).copy_(x) for block, x in zip(memory, pair)]
-            blocks.append(pair)
+            if uses_fused_attention(pair[0]):
+                return pair
+            rooms = memory.get(0) or memory.setdefault(0, [room((length, *x.shape[::2]), x) for x in pair])
+            return [whole[rows].view(x.shape).copy_(x) for whole, x in zip(rooms, pair)]
+
+        with standing_still():
+            blocks = shared(block, pieces, device=device)
         return cls(blocks if memory else [[torch.cat(parts, dim=1) for parts in zip(*blocks)]])
 
     def __len__(self) -> int:

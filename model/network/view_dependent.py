@@ -36,7 +36,7 @@ class ViewDependentLayer(nn.Module):
         def project(rows: slice) -> tuple[torch.Tensor, torch.Tensor]:
             return self.multihead_attn.keys_values(self.kv_norm(tokens[rows]), rotation[rows])
 
-        return KeysValues.collect(project, cuts(0, len(tokens), tokens.device))
+        return KeysValues.collect(project, cuts(0, len(tokens), tokens.device), tokens.device)
 
     def forward(self, rays: torch.Tensor, rotation: Rotation, keys: KeysValues) -> torch.Tensor:
         """(V, Hg, Wg, D) float32 -> same; `rotation` is for V Hg Wg rows."""
@@ -45,7 +45,7 @@ class ViewDependentLayer(nn.Module):
         def gather(rows: slice) -> torch.Tensor:
             return x[rows] + self.multihead_attn(self.query_norm(x[rows]), rotation[rows], keys)
 
-        rays = by_rows(gather, cuts(0, len(x), x.device)).view(grid)
+        rays = by_rows(gather, cuts(0, len(x), x.device), x.device).view(grid)
         x = (rays + self.self_attn(rays, self.self_attn_norm)).flatten(0, 2)
         return chunked(lambda x: x + self.ffn(self.ffn_norm(x)), x, into=x).view(grid)
 

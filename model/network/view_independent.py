@@ -36,8 +36,8 @@ class ViewIndependentLayer(nn.Module):
             x = x + attention(self.query_norm(x), rotation[rows], keys, window, rows.start)
             return x + self.ffn(self.ffn_norm(x))
 
-        keys = KeysValues.collect(keys_values, window.pieces)
-        return by_rows(layer, window.pieces, into=tokens)
+        keys = KeysValues.collect(keys_values, window.pieces, tokens.device)
+        return by_rows(layer, window.pieces, tokens.device, into=tokens)
 
 
 class ViewIndependentTransformer(nn.Module):

@@ -13,7 +13,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from ..compute.inference import current_pieces
-from ..compute.threads import begin_import, finish_import
+from ..compute.threads import begin_import, finish
 from ..errors import CheckpointError
 from ..progress import report
 from ..weights.checkpoint import load_weights
@@ -94,7 +94,7 @@ class ImageEncoder:
 
     def _encode(self, images: torch.Tensor) -> torch.Tensor:
         if self._network is None:
-            kind = finish_import(begin_import(vae_class))
+            kind = finish(begin_import(vae_class))
             network = OneFrameEncoder(load_vae(kind, self.config, self.file))
             self._network = network.to(self.device, self.dtype, memory_format=torch.channels_last)
         tile = images.shape[-1] * images.shape[-2]

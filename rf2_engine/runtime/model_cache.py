@@ -44,7 +44,7 @@ def renderer(weights: str, device: str, precision: str, transformer: str = AUTOM
     key = (weights, device, precision, transformer, rays, _state_of_files(weights_folder(weights)))
     if key not in _cached:
         with part(0.0, 1.0, "Loading PyTorch"):
-            network = threads.finish_import(begin_import())
+            network = threads.finish(begin_import())
         free()
         try:
             _cached[key] = network.Renderer(weights, device, precision, transformer,

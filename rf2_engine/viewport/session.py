@@ -150,7 +150,7 @@ class Session:
                     self._draw_sketch(request)
                 if piece != SKETCH:
                     with progress.part(0.0, 0.0, "Loading PyTorch"):
-                        threads.finish_import(model_cache.begin_import())
+                        threads.finish(model_cache.begin_import())
                     with threads.team(thread_count):
                         self._work(request, piece)
             self._was_dropped = False

@@ -148,7 +148,7 @@ def _visible(length: int, sink: int, half: int) -> torch.Tensor:
 def window_sink_attention(q: torch.Tensor, k: torch.Tensor, v: torch.Tensor, sink: int, half: int) -> torch.Tensor:
     """A whole sequence, piece by piece as stage 1 does it. (L, heads, width) each -> (heads, L, width)."""
     window = Window(len(q), sink, half, q.device)
-    keys = KeysValues.collect(lambda rows: (k[rows], v[rows]), window.pieces)
+    keys = KeysValues.collect(lambda rows: (k[rows], v[rows]), window.pieces, k.device)
     queries = q.transpose(0, 1)
     return torch.cat([window.attend(queries[:, rows], keys, rows.start) for rows in steps(window.pieces)], dim=1)
 

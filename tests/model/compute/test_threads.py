@@ -188,16 +188,16 @@ def test_giving_up_ends_the_wait_and_not_the_import():
     def cancel(text, fraction):
         raise RenderCancelled()
     with pytest.raises(RenderCancelled), progress.reporting(cancel):
-        threads.finish_import(future)
+        threads.finish(future)
     assert not future.done()
     done.set()
-    assert threads.finish_import(future) is True
+    assert threads.finish(future) is True
 
 
 def test_errors_come_out_where_the_import_is_needed():
     future = threads.begin_import(lambda: __import__("a_module_that_is_not_there"))
     with pytest.raises(ModuleNotFoundError, match="a_module_that_is_not_there"):
-        threads.finish_import(future)
+        threads.finish(future)
 
 
 def test_loading_the_bundled_network_leaves_slow_imports_out():
