@@ -28,6 +28,7 @@ from .effort import FULL, Effort
 from .hit_surfaces import HitSurfaces, tensors_on
 from .probes import SMOOTH, Probes, probe_grid
 from .separation import Separation
+from .specular.frosted import frosted
 from .specular.paths import blur
 from .specular.pixels import mirrored_highlights, path_end_light
 from .surface_light import SurfaceLight
@@ -110,7 +111,7 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     def surface_light(bounced: Tensor, glossy: Tensor, kind: str, **other: Tensor) -> SurfaceLight:
         fields = {"bounced": bounced, "behind": behind[kind], "glow": glow, "traced": dark,
                   "reflected": torch.lerp(glossy, mirrored[kind], sharp) if mirrored else glossy,
-                  "refracted": refracted[kind] if refracted else dark} | other
+                  "refracted": frosted(refracted[kind], surfaces) if refracted else dark} | other
         return SurfaceLight(direct=_stack(lobes), **common, **{k: _channels_first(x) for k, x in fields.items()})
 
     lobes, glow = [dark] * 3, dark

@@ -12,7 +12,7 @@ from ..fields import COLOR, RADIANCE, array
 from ..tensor_group import TensorGroup
 
 # Shares of the light behind a surface that pass: straight on, through smooth glass, and diffusely, through rough glass
-REFRACTED, BEHIND = 0.95, 0.5
+BEHIND = 0.6
 
 
 @dataclass
@@ -40,8 +40,8 @@ class SurfaceLight(TensorGroup):
     has_rays: Tensor = array("V")  # 1 if estimates are by rays; else `direct` has no shadows, and all else is 0
 
     def indirect(self) -> Tensor:
-        """(V, 3, 3, H, W) indirect light of each lobe. Smooth glass shows what lies behind it, rough glass the mean."""
-        transmitted = torch.lerp(REFRACTED * self.refracted, BEHIND * self.behind, self.roughness)
+        """(V, 3, 3, H, W) indirect light of each lobe. Rough glass also shows light from all over behind it."""
+        transmitted = self.refracted + BEHIND * self.roughness.square() * self.behind
         return torch.stack([self.bounced, self.reflected, transmitted], dim=1)
 
     def bounces(self) -> Tensor:

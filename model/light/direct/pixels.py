@@ -14,6 +14,7 @@ from ..effort import Effort
 from ..hit_surfaces import HitSurfaces, tensors_on
 from ..probes import SMOOTH, Probes
 from ..sampling import r2_starts
+from ..specular.frosted import frosted
 from .direct_light import DirectLight, LobeVisibility
 from .footprints import footprints
 
@@ -54,8 +55,7 @@ def _direct_light(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, gu
         lobes = direct.lobes(*(x.flatten(0, 1) for x in points), visibility, *footprint)
         lobes = [lobe.view_as(surfaces.position) * surfaces.is_covered for lobe in lobes]
         if is_followed:
-            refracted = tensors_on(direct.device)(guides.refracted_light)
-            lobes[2] = refracted * (1 - surfaces.roughness[..., None])
+            lobes[2] = frosted(tensors_on(direct.device)(guides.refracted_light), surfaces)
         return lobes
 
 

@@ -18,6 +18,8 @@ SURFACES = 6       # a path passes at most
 SMOOTH = 0.5       # roughness up to which a metal is a mirror
 PURE = 0.5         # metallic from which a surface is a mirror
 CLEAR = 0.75       # transmission from which one is glass and shows no matte surface of its own
+LEAST_CLEAR = 0.1  # the same of its inside, which only light meets that has passed it
+TURBID = 0.6       # transmission below which the inside lets less light out
 LIFT = 1e-4        # of the longest segment so far, that a ray starts off its surface
 SHARP, BLURRED = 0.15, 0.35  # roughness up to which a reflection is an image, and from which it is a mean over the lobe
 
@@ -84,7 +86,7 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
         point, reach = origin + distance[:, None] * direction, np.maximum(reach, distance)
         normal, inside, texel = surface(scene, triangle, point, direction)
         base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC], texel[:, TRANSMISSION]
-        is_glass = (transmission > CLEAR) & (metallic <= PURE)
+        is_glass = (transmission > np.where(inside, LEAST_CLEAR, CLEAR)) & (metallic <= PURE)
         if remaining == SURFACES - 1:
             met, mirrors = ends.metal, metallic > PURE
             met.position[path], met.normal[path], met.roughness[path] = point, normal, texel[:, ROUGHNESS, None]
@@ -93,6 +95,7 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
         else:
             shows_lamps[path] = True
         tint = tint * np.where(is_glass[:, None], tint_of_glass(base), base)
+        tint[inside & is_glass] *= (transmission[inside & is_glass, None] / TURBID).clip(max=1)
         ends.position[path], ends.normal[path] = point, normal
         matte = np.where(metallic > PURE, 1, (1 - metallic) * (1 - transmission))  # a rough metal counts as matte
         goes_on = is_glass | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)
