@@ -18,11 +18,11 @@ SIDE = len(TENT)
 
 
 def edge_weights(offset: Tensor, neighbour_normal: Tensor, normal: Tensor, tolerance: Tensor,
-                 close: float | None = None) -> Tensor:
+                 close: float | Tensor | None = None) -> Tensor:
     """(..., h, w) weights up to 1 of neighbours at an `offset` from points.
 
     offset and both normals: (3, ..., h, w). tolerance: (h, w), distance off a point's plane at which a neighbour counts
-    1/e; close: the same of any distance.
+    1/e; close: the same of any distance, or of each point's (h, w).
     """
     off = (dot(offset, normal) / tolerance).square_()
     if close is not None:
@@ -47,11 +47,12 @@ def plane_tolerance(x: Tensor, valid: Tensor) -> Tensor:
     return apart.clamp_min(NEAREST)
 
 
-def neighbour_weights(x: Tensor, n: Tensor, tolerance: Tensor, spread: int) -> tuple[Tensor, Tensor]:
+def neighbour_weights(x: Tensor, n: Tensor, tolerance: Tensor, spread: int,
+                      close: float | Tensor = CLOSE) -> tuple[Tensor, Tensor]:
     """Numbers, row by row, and weights (h w, 25) of the 5x5 points `spread` apart around each of h x w.
 
-    Weights are 0 beyond the sides; they are those of the edge-avoiding wavelets that denoise traced light (Dammertz et
-    al. 2010).
+    close: as of `edge_weights`. Weights are 0 beyond the sides; they are those of the edge-avoiding wavelets that
+    denoise traced light (Dammertz et al. 2010).
     """
     h, w = tolerance.shape
     reach = SIDE // 2 * spread
@@ -60,7 +61,7 @@ def neighbour_weights(x: Tensor, n: Tensor, tolerance: Tensor, spread: int) -> t
         for right, wide in enumerate(TENT):
             top, left = spread * down, spread * right
             there, normal = padded[:, top:top + h, left:left + w].split(3)
-            weights.append(tall * wide * edge_weights(there - x, normal, n, tolerance, CLOSE))
+            weights.append(tall * wide * edge_weights(there - x, normal, n, tolerance, close))
             steps.append((top - reach) * w + left - reach)
     number = torch.arange(h * w, device=x.device)[:, None] + torch.tensor(steps, device=x.device)
     return number.clamp(0, h * w - 1), torch.stack(weights).flatten(1).T.contiguous()

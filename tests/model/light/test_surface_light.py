@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from renderformer_v2.model.light.surface_light import BEHIND, REFRACTED, SurfaceLight
+from renderformer_v2.model.light.surface_light import BEHIND, SurfaceLight
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def test_smooth_glass_shows_what_lies_behind_it_and_rough_glass_what_arrives_at_
     light.roughness[:] = roughness
     diffuse, glossy, transmission = light.indirect().unbind(1)
     assert torch.equal(diffuse, light.bounced) and torch.equal(glossy, light.reflected)
-    torch.testing.assert_close(transmission, BEHIND * light.behind if roughness else REFRACTED * light.refracted)
+    torch.testing.assert_close(transmission, light.refracted + BEHIND * roughness * light.behind)
 
 
 def test_without_albedo_nothing_but_glow_and_traced_light_is_left(light):

@@ -100,6 +100,14 @@ def test_a_path_ends_at_milky_glass_and_not_at_clear_glass():
         np.testing.assert_allclose(found.color, [(color,) * 3], atol=1e-3)
 
 
+def test_a_path_leaves_glass_that_is_partly_matte_from_inside():
+    for transmission, color in (0.6, 1.0), (0.3, 0.5), (0.05, None):
+        back = constant_tile((1, 1, 1), roughness=0.0, ior=1.2, transmission=transmission)
+        found = ends(walls((1, 1, back), (4, -1, constant_tile((1, 1, 1)))))
+        np.testing.assert_allclose(found.position, [(4 if color else 1, 0, 0)], atol=1e-5)
+        np.testing.assert_allclose(found.color, [(color or 1 - transmission,) * 3], atol=1e-3)
+
+
 def test_paths_end_in_the_light_of_lamps_and_of_the_sky_in_the_colour_of_the_glass_before_these():
     pane = (1, -1, constant_tile((0.25, 1, 1), roughness=0.0, ior=1.0, transmission=1.0))
     sky = np.zeros((4, 8, 3), np.float32)
