@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""python -m tools.measured FILE.binary -o LATENT.npy: the appearance latent of a measured BRDF of the MERL database.
+"""python -m tools.measured FILE -o LATENT.npy: the appearance latent of a measured BRDF.
+
+FILE.binary is one of the MERL database, FILE_rgb.bsdf one of the RGL material database.
 
 Draws the sphere of the BRDF as tools.datagen.spheres renders those of Principled BSDFs, and encodes it with the
 material autoencoder that the mappers of the weights belong to. LATENT.npy holds nine numbers for Material Properties >
@@ -15,6 +17,7 @@ import numpy as np
 import torch
 
 from renderformer_v2.model.errors import CheckpointError, SceneError
+from renderformer_v2.model.material.adaptive_brdf import AdaptiveBRDF
 from renderformer_v2.model.material.autoencoder import MaterialAutoencoder, inverse_log10_1p, log10_1p
 from renderformer_v2.model.material.measured import MeasuredBRDF, sphere_picture
 from renderformer_v2.model.pictures import linear_to_srgb
@@ -50,14 +53,14 @@ def studio_panorama() -> np.ndarray:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.measured", description=__doc__)
-    parser.add_argument("brdf", type=Path, metavar="FILE.binary")
+    parser.add_argument("brdf", type=Path, metavar="FILE", help=".binary or _rgb.bsdf")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="LATENT.npy")
     parser.add_argument("--autoencoder", type=Path, metavar="DIR",
                         default=WEIGHTS / "material" / "material_autoencoder",
                         help="a folder material_autoencoder that tools.train.material wrote (default: the bundled one)")
     options = parser.parse_args()
     try:
-        brdf = MeasuredBRDF.load(options.brdf)
+        brdf = (AdaptiveBRDF if options.brdf.suffix == ".bsdf" else MeasuredBRDF).load(options.brdf)
         model = load_component(MaterialAutoencoder, options.autoencoder)
     except (CheckpointError, SceneError) as error:
         print(error, file=sys.stderr)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`tools.measured`: a BRDF of the MERL database becomes the sphere that Cycles renders of it, and a latent."""
+"""`tools.measured`: a measured BRDF becomes the sphere that Cycles renders of it, and a latent."""
 import sys
 
 import numpy as np
@@ -7,7 +7,10 @@ import pytest
 from skimage.io import imread
 
 from renderformer_v2.model.errors import SceneError
+from renderformer_v2.model.material.adaptive_brdf import write_tensors
 from renderformer_v2.model.material.measured import SHAPE, MeasuredBRDF, sphere_picture
+from tests.model.material.test_adaptive_brdf import COLOR as METAL
+from tests.model.material.test_adaptive_brdf import tensors
 from tools import measured
 from tools.datagen import spheres
 
@@ -50,6 +53,15 @@ def test_the_command_writes_nine_numbers_that_the_autoencoder_shows_as_the_spher
     assert latent.shape == (9,) and np.abs(latent).max() < 1 and len(capsys.readouterr().out.split()) == 9
     sphere, decoded = np.split(imread(tmp_path / "latent.png")[..., :3].astype(np.float32) / 255, 2, axis=1)
     assert np.abs(decoded - sphere).mean() < 0.2 * sphere.mean() and sphere.std() > 0.1
+
+
+def test_so_does_a_file_of_the_rgl_database(tmp_path, monkeypatch):
+    (tmp_path / "metal_rgb.bsdf").write_bytes(write_tensors(tensors()))
+    monkeypatch.setattr(sys, "argv", ["measured", str(tmp_path / "metal_rgb.bsdf"), "-o", str(tmp_path / "latent.npy")])
+    assert measured.main() == 0 and np.load(tmp_path / "latent.npy").shape == (9,)
+    sphere = np.split(imread(tmp_path / "latent.png")[..., :3].astype(np.float32) / 255, 2, axis=1)[0]
+    red, green, blue = (sphere ** 2.2).mean((0, 1))
+    assert red / blue == pytest.approx(METAL[0] / METAL[2], rel=0.2) and red < green < blue and sphere.std() > 0.1
 
 
 @pytest.mark.parametrize("content", [b"", b"junk" * 100])
