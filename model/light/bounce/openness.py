@@ -2,11 +2,14 @@
 """What the two sides of surfaces are open to: patches must not reach from a room through its walls to the outside."""
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from ...compute.threads import shared
 from ...geometry import area_vectors, dot
 from ...scene import RenderScene
 from ..direct.environment_light import LIFT
@@ -58,7 +61,7 @@ class Openness:
             corners = subdivision.corners[fresh]
             area = np.linalg.norm(area_vectors(corners), axis=1)
             large = np.argsort(-area, kind="stable")[:LARGEST]
-            shares = np.stack([self._shares(corners[large], point) for point in POINTS])
+            shares = np.stack(shared(partial(self._shares, corners[large]), POINTS, device=self.device))
             apart = (np.ptp(shares, axis=0) * (BURIED, 1)).max(axis=(1, 2))
             order = np.argsort(-apart * area[large], kind="stable")
             chosen = fresh[large[order[apart[order] > UNLIKE]]][:most // 3]
