@@ -11,6 +11,7 @@ from torch.nn import functional as F
 
 from ...compute.threads import shared
 from ...geometry import area_vectors, dot
+from ...progress import standing_still
 from ...scene import RenderScene
 from ..direct.environment_light import LIFT
 from ..sampling import cosine_directions, hashed_starts
@@ -61,7 +62,8 @@ class Openness:
             corners = subdivision.corners[fresh]
             area = np.linalg.norm(area_vectors(corners), axis=1)
             large = np.argsort(-area, kind="stable")[:LARGEST]
-            shares = np.stack(shared(partial(self._shares, corners[large]), POINTS, device=self.device))
+            with standing_still():
+                shares = np.stack(shared(partial(self._shares, corners[large]), POINTS, device=self.device))
             apart = (np.ptp(shares, axis=0) * (BURIED, 1)).max(axis=(1, 2))
             order = np.argsort(-apart * area[large], kind="stable")
             chosen = fresh[large[order[apart[order] > UNLIKE]]][:most // 3]
