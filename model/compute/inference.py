@@ -26,7 +26,7 @@ import numpy as np
 import torch
 
 from ..progress import standing_still
-from .threads import shared
+from .threads import Once, shared
 
 # Rows per piece: large enough for the matrix products, small enough that a piece takes well under 0.2 s and that the
 # element-wise work between the products stays in the processor's cache.
@@ -106,16 +106,15 @@ def by_rows(function: Callable[[slice], torch.Tensor], pieces: list[slice], devi
     """
     if not is_inference():
         return torch.cat([function(rows) for rows in pieces])
-    length, results = pieces[-1].stop, {} if into is None else {0: into}
+    length, result = pieces[-1].stop, Once(into)
 
     def compute(rows: slice) -> torch.Tensor:
         piece = function(rows)
         if len(piece) == length:
             return piece
-        result = results.get(0)
-        result = results.setdefault(0, like(piece, length, 0)) if result is None else result
-        result[rows] = piece
-        return result
+        whole = result.get(lambda: like(piece, length, 0))
+        whole[rows] = piece
+        return whole
 
     return shared(compute, pieces, device=device)[-1]
 
@@ -129,14 +128,14 @@ def chunked(function: Callable, *tensors: torch.Tensor, size: int = 0, axis: int
     """
     rows, device = len(tensors[0]), tensors[0].device
     size = (size or current_pieces().rows(device)) if is_inference() else max(rows, 1)
-    results = {} if into is None else {0: [into]}
+    results = Once(None if into is None else [into])
 
     def compute(begin: int):
         result = function(*(t[begin:begin + size] for t in tensors))
         if size >= rows:
             return result
         pieces = result if isinstance(result, tuple) else (result,)
-        whole = results.get(0) or results.setdefault(0, [like(piece, rows, axis) for piece in pieces])
+        whole = results.get(lambda: [like(piece, rows, axis) for piece in pieces])
         for full, piece in zip(whole, pieces):
             full.narrow(axis, begin, piece.shape[axis]).copy_(piece)
         return tuple(whole) if isinstance(result, tuple) else whole[0]

@@ -102,6 +102,19 @@ def spread(function: Callable, rows: Sequence[tuple]) -> list:
     return _pooled(lambda row: function(*row), rows, workers, _work_alone)
 
 
+class Once:
+    """A value that the first of several threads makes for all of them, unless it is given."""
+
+    def __init__(self, value=None):
+        self._value, self._lock = value, threading.Lock()
+
+    def get(self, make: Callable):
+        with self._lock:
+            if self._value is None:
+                self._value = make()
+            return self._value
+
+
 def _work_alone() -> None:
     _this.workers = 1
 

@@ -104,6 +104,9 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
         mirrored, has_end = path_end_light("reflected", guides, make_probes, outgoing, filters, direct.device)
     with part(0.6, 0.7):
         refracted, _ = path_end_light("refracted", guides, make_probes, outgoing, filters, direct.device)
+        if refracted:  # all kinds at once, which have the same weights
+            blurred = frosted(torch.cat(list(refracted.values()), -1), surfaces)
+            refracted = dict(zip(refracted, blurred.split(3, -1), strict=True))
     dark = torch.zeros_like(bounced)
     sharp = (1 - blur(surfaces.roughness)[..., None]) * has_end
     common = _materials(surfaces) | {"is_traced": dark.new_full((1,), float(is_traced)), "has_rays": dark.new_ones(1)}
@@ -111,7 +114,7 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     def surface_light(bounced: Tensor, glossy: Tensor, kind: str, **other: Tensor) -> SurfaceLight:
         fields = {"bounced": bounced, "behind": behind[kind], "glow": glow, "traced": dark,
                   "reflected": torch.lerp(glossy, mirrored[kind], sharp) if mirrored else glossy,
-                  "refracted": frosted(refracted[kind], surfaces) if refracted else dark} | other
+                  "refracted": refracted[kind] if refracted else dark} | other
         return SurfaceLight(direct=_stack(lobes), **common, **{k: _channels_first(x) for k, x in fields.items()})
 
     lobes, glow = [dark] * 3, dark

@@ -16,7 +16,7 @@ import torch
 from torch.nn import functional as F
 
 from ..compute.inference import current_pieces, cuts, is_inference, room
-from ..compute.threads import shared
+from ..compute.threads import Once, shared
 from ..progress import report, standing_still
 
 SAFE_EXPONENT = 60.0  # exp of it, and of its negative, times the longest sequence, is far inside of float32
@@ -44,18 +44,20 @@ class KeysValues:
     @classmethod
     def collect(cls, project: Callable, pieces: list[slice], device: torch.device) -> KeysValues:
         """project(rows) -> keys and values (n, heads, head width), once for each of the pieces of a sequence."""
-        length, memory = pieces[-1].stop, {}
+        length, memory = pieces[-1].stop, Once()
 
         def block(rows: slice) -> list[torch.Tensor]:
             pair = [x.transpose(0, 1) for x in project(rows)]
             if uses_fused_attention(pair[0]):
                 return pair
-            rooms = memory.get(0) or memory.setdefault(0, [room((length, *x.shape[::2]), x) for x in pair])
+            rooms = memory.get(lambda: [room((length, *x.shape[::2]), x) for x in pair])
             return [whole[rows].view(x.shape).copy_(x) for whole, x in zip(rooms, pair)]
 
         with standing_still():
             blocks = shared(block, pieces, device=device)
-        return cls(blocks if memory else [[torch.cat(parts, dim=1) for parts in zip(*blocks)]])
+        if uses_fused_attention(blocks[0][0]):
+            blocks = [[torch.cat(parts, dim=1) for parts in zip(*blocks)]]
+        return cls(blocks)
 
     def __len__(self) -> int:
         return self.ends[-1]

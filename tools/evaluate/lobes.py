@@ -8,7 +8,6 @@ hundred. What is far from 1 is wrong in a way that no picture needs to be looked
 """
 from __future__ import annotations
 
-import argparse
 import sys
 from collections import defaultdict
 from collections.abc import Iterator
@@ -17,19 +16,18 @@ from pathlib import Path
 
 import numpy as np
 
+from renderformer_v2.model.light.specular.paths import CLEAR, LEAST_CLEAR, PURE
 from renderformer_v2.model.light_passes import LOBES
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.scene import METALLIC, ROUGHNESS, TRANSMISSION, Guides, RenderScene
 from renderformer_v2.model.weights.presets import BUNDLED
-from tools.datagen.sample_files import load_with_paths, sample_paths
+from tools.datagen.sample_files import load_with_paths
 
-from .samples import estimated_light, world_radiance
+from .samples import chosen_samples, estimated_light, world_radiance
 
 STEPS = 10                             # of a parameter from 0 to 1: pixels that round to the same are one material
 LEAST_PIXELS, LEAST_SHARE = 60, 0.1    # of a material in a view, and of its light that a lobe has to be worth a ratio
-ROUGHNESSES = 0.0, 0.1, 0.25, 0.45, 0.65, 1.01
-CLEAR, PARTLY = 0.75, 0.1              # transmission of glass, and of what is partly glass
-METAL = 0.5
+ROUGHNESSES = 0.0, 0.1, 0.25, 0.45, 0.65
 PASSES = {"diffuse direct": ("diffuse_direct",), "diffuse indirect": ("diffuse_indirect",),
           "glossy direct": ("glossy_direct",), "glossy indirect": ("glossy_indirect",),
           "transmission": ("transmission_direct", "transmission_indirect")}  # the sky in glass is indirect in Cycles
@@ -69,9 +67,9 @@ def materials(scene: RenderScene, guides: Guides) -> Iterator[tuple[str, float, 
         pixels = covered & (rounded == values).all(-1)
         if pixels.sum() >= LEAST_PIXELS:
             transmission, metallic, roughness = parameters[pixels].mean(0)
-            kind = ("metal" if metallic > METAL else "glass" if transmission > CLEAR
-                    else "partly glass" if transmission > PARTLY else "matte or glossy")
-            yield kind, max(least for least in ROUGHNESSES[:-1] if least <= roughness), pixels
+            kind = ("metal" if metallic > PURE else "glass" if transmission > CLEAR
+                    else "partly glass" if transmission > LEAST_CLEAR else "matte or glossy")
+            yield kind, max(least for least in ROUGHNESSES if least <= roughness), pixels
 
 
 def table(ratios: Ratios) -> str:
@@ -84,13 +82,8 @@ def table(ratios: Ratios) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m tools.evaluate.lobes", description=__doc__)
-    parser.add_argument("samples", type=Path, metavar="SAMPLE_DIR")
-    parser.add_argument("--limit", type=int, help="only the first LIMIT scenes")
-    options = parser.parse_args()
-    paths = sample_paths(options.samples)[: options.limit]
+    paths = chosen_samples("python -m tools.evaluate.lobes", __doc__)
     if not paths:
-        print(f"no samples in {options.samples}: make some with python -m tools.datagen", file=sys.stderr)
         return 2
     print(table(collect_ratios(paths, Renderer(BUNDLED, device="cpu", precision="fp32"))))
     return 0

@@ -9,7 +9,6 @@ learning.
 """
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Callable
@@ -24,9 +23,9 @@ from renderformer_v2.model.pictures import linear_to_srgb
 from renderformer_v2.model.renderer import EncodedScene, Renderer
 from renderformer_v2.model.scene import Guides, View
 from renderformer_v2.model.weights.presets import BUNDLED
-from tools.datagen.sample_files import load_with_paths, sample_paths
+from tools.datagen.sample_files import load_with_paths
 
-from .samples import estimated_light, world_radiance
+from .samples import chosen_samples, estimated_light, world_radiance
 
 FACTORS = np.geomspace(0.25, 4.0, 33)
 ROUNDS = 4
@@ -143,13 +142,8 @@ def study(paths: list[Path], renderer: Renderer) -> dict[str, dict[str, dict[str
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m tools.evaluate.oracles", description=__doc__)
-    parser.add_argument("samples", type=Path, metavar="SAMPLE_DIR")
-    parser.add_argument("--limit", type=int, help="only the first LIMIT scenes")
-    options = parser.parse_args()
-    paths = sample_paths(options.samples)[: options.limit]
+    paths = chosen_samples("python -m tools.evaluate.oracles", __doc__)
     if not paths:
-        print(f"no samples in {options.samples}: make some with python -m tools.datagen", file=sys.stderr)
         return 2
     print(json.dumps(study(paths, Renderer(BUNDLED, device="cpu", precision="fp32")), indent=1))
     return 0

@@ -2,6 +2,8 @@
 """Samples of tools.datagen: the network's pictures, and those of estimated and traced light beside them."""
 from __future__ import annotations
 
+import argparse
+import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +18,7 @@ from renderformer_v2.model.light.surface_light import SurfaceLight
 from renderformer_v2.model.pipeline import LobePipeline
 from renderformer_v2.model.renderer import EncodedScene, Renderer
 from renderformer_v2.model.scene import Guides, View
-from tools.datagen.sample_files import load_with_paths
+from tools.datagen.sample_files import load_with_paths, sample_paths
 
 from .scores import Evaluation, compute_scores
 
@@ -31,6 +33,18 @@ class Renderers(NamedTuple):
     def of(cls, weights: str) -> Renderers:
         rays = Renderer(weights)
         return cls(rays, Renderer(weights, rays=False) if isinstance(rays.pipeline, LobePipeline) else None)
+
+
+def chosen_samples(program: str, description: str) -> list[Path]:
+    """The samples that a command line SAMPLE_DIR [--limit N] names; none, and a word about it, if there are none."""
+    parser = argparse.ArgumentParser(prog=program, description=description)
+    parser.add_argument("samples", type=Path, metavar="SAMPLE_DIR")
+    parser.add_argument("--limit", type=int, help="only the first LIMIT scenes")
+    options = parser.parse_args()
+    paths = sample_paths(options.samples)[: options.limit]
+    if not paths:
+        print(f"no samples in {options.samples}: make some with python -m tools.datagen", file=sys.stderr)
+    return paths
 
 
 def evaluate_sample(path: Path, renderers: Renderers) -> Evaluation:

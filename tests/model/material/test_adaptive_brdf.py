@@ -5,14 +5,11 @@ import pytest
 
 from renderformer_v2.model.errors import SceneError
 from renderformer_v2.model.geometry import unit
-from renderformer_v2.model.material.adaptive_brdf import MAGIC, AdaptiveBRDF, read_tensors, write_tensors
+from renderformer_v2.model.material.adaptive_brdf import MAGIC, TABLES, AdaptiveBRDF, read_tensors, write_tensors
 
 COLOR = np.array((0.2, 0.5, 0.8))
 ALPHA = 0.4
 NORMAL = np.array([[0.0, 0.0, 1.0]])
-
-
-TABLES = "phi_i", "theta_i", "ndf", "sigma", "vndf", "rgb"
 
 
 @pytest.fixture
