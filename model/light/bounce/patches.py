@@ -31,6 +31,7 @@ NEAR_EMITTER = 0.03  # the same from an emitter
 BY_EMITTERS = 0.5    # share of all patches that is distributed by the distance to emitters
 SPLIT_AT_ONCE = 64   # triangles that are split before the largest are searched again
 TRANSMITTED = 0.5    # share of a glass's light that spreads to either side like that of a diffuse lobe
+LEAST_ALONG = 0.2    # of a shading normal along the normal
 STEEP = 0.7          # of the glossy light of metals: emitters light most surfaces more steeply than uniform light
 CUT = 0.5            # triangles that may be added where walls cut through others, as a share of the patches
 
@@ -48,6 +49,7 @@ class Patches:
     translucent: Tensor  # (S, 1) f32, share of the diffuse light that goes to the other side
     patch: Tensor    # (T,) i64, row of the patch that a triangle belongs to
     corners: Tensor  # (T, 3, 3) f32
+    normals: Tensor  # (T, 3, 3) f32, shading normals at the corners
     solid: Tensor    # (T,) bool, stops light
     group: np.ndarray  # (S,) u8, of surfaces (RenderScene.group)
     weight: Tensor   # (S,) f32, area, weighted by how near the scene's middle and the emitters are
@@ -55,13 +57,15 @@ class Patches:
 
     @cached_property
     def facing(self) -> Tensor:
-        """(T, 3) vectors along the normals of the triangles, on the front of their patch."""
+        """(T, 3) area vectors of the triangles, on the front of their patch."""
         vector = torch.from_numpy(area_vectors(self.corners.numpy()))
-        is_turned = (vector * self.vector[self.patch]).sum(-1, keepdim=True) < 0
-        return torch.where(is_turned, -vector, vector)
+        return torch.where((vector * self.vector[self.patch]).sum(-1, keepdim=True) < 0, -vector, vector)
 
-    def points(self, count: int) -> tuple[Tensor, Tensor]:
-        """(S, count, 3) points spread evenly over the fronts of the patches, and their unit normals."""
+    def points(self, count: int) -> tuple[Tensor, Tensor, Tensor]:
+        """(S, count, 3) points spread evenly over the fronts of the patches, their unit normals, and those for shading.
+
+        As in Cycles, light falls by the latter, but only on what it meets from the front.
+        """
         vector = self.facing
         order = self.patch.argsort(stable=True)
         cumulative = vector.norm(dim=-1)[order].double().cumsum(0)  # area up to the end of each triangle, by patch
@@ -74,7 +78,14 @@ class Patches:
         triangle = order[row.clamp(max=len(order) - 1)]
         u, v = ((k * step + start[:, i + 1:i + 2]) % 1 for i, step in enumerate(R2))
         weights = triangle_weights(u, v)[..., None]
-        return (weights * self.corners[triangle]).sum(2), F.normalize(vector[triangle], dim=-1)
+        corners, normal = self.corners[triangle], F.normalize(vector[triangle], dim=-1)
+        is_front = (torch.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :], dim=-1)
+                    * normal).sum(-1, keepdim=True) > 0
+        shading = F.normalize((weights * self.normals[triangle]).sum(2), dim=-1)
+        shading = torch.where(is_front, shading, -shading)
+        along = (shading * normal).sum(-1, keepdim=True)
+        shading = F.normalize(shading + (LEAST_ALONG - along).clamp_min(0) * normal, dim=-1)
+        return (weights * corners).sum(2), normal, shading
 
 
 def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
@@ -105,8 +116,8 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     group_of_patch[patch.numpy()] = group
     weight = vector.norm(dim=-1) * torch.from_numpy(patch_density(center.numpy(), emitters)).float()
     return Patches(center, vector, *material.split([9, 2, 9, 2, 1], 1), patch[torch.from_numpy(element)],
-                   torch.from_numpy(corners), torch.from_numpy(solid), group_of_patch, weight,
-                   subdivision.locator())
+                   torch.from_numpy(corners), torch.from_numpy(subdivision.interpolated(scene.surfaces.normals)),
+                   torch.from_numpy(solid), group_of_patch, weight, subdivision.locator())
 
 
 def _sums(values: np.ndarray, group: np.ndarray) -> np.ndarray:

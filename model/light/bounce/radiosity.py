@@ -66,8 +66,9 @@ class Radiosity:
             self.gather_scene = GatherScene(scene, patches, direct)
         count = min(max(SHADOW_RAYS // (2 * PATCHES * max(len(emitters.power_share), 1)), 1), effort.of(POINTS))
         # All fronts, then all backs, here and below; the points of a patch follow each other.
-        points, normals = patches.points(count)
-        x, n = (torch.cat(sides).flatten(0, 1).to(direct.device) for sides in ((points, points), (normals, -normals)))
+        points, normals, shading = patches.points(count)
+        x, normals, n = (torch.cat(sides).flatten(0, 1).to(direct.device) for sides in (
+            (points, points), (normals, -normals), (shading, -shading)))
         albedo, of_layer = (torch.cat(sides).to(direct.device) for sides in (
             (patches.albedo, patches.back_albedo), (patches.layer, patches.back_layer)))
         diffuse, metal, layer = albedo.split(3, dim=1)
@@ -92,6 +93,7 @@ class Radiosity:
             start = hashed_starts(x, 2)
             gathered = self.gather_scene.gather(x, n, cosine_directions(n, effort.of(PATCH_RAYS) // count, start),
                                                 effort.of(PATCH_AIMED) // count, start)
+            gathered.share[:, :gathered.direction.shape[1]] *= (gathered.direction @ normals[..., None])[..., 0] > 0
             weight = self.gather_scene.reliability(gathered, count)
             fire = None if gathered.fire is None else (weight[..., None] * gathered.fire.view(-1, count, 3)).mean(1)
             gathered = gathered.merged(weight)

@@ -42,6 +42,10 @@ class Subdivision:
         """Corners (S, 3, 3) and sources (S,) of all pieces, those that stayed whole behind the others."""
         return (np.concatenate([self.corners, self._triangles[self.whole]]), np.concatenate([self.source, self.whole]))
 
+    def interpolated(self, values: np.ndarray) -> np.ndarray:
+        """(S, 3, C) at the corners of all pieces, of values (G, 3, C) at those of the triangles."""
+        return np.concatenate([self._weights @ values[self.source], values[self.whole]])
+
     def locator(self) -> PieceLocator:
         """Finds the pieces, for what hits the triangles."""
         count, none = len(self._triangles), len(self.source) + len(self.whole)
