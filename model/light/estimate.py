@@ -83,7 +83,7 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     with part(0.0, 0.02):
         separation = Separation(*(x.permute(2, 0, 1) for x in (surfaces.position, surfaces.normal)),
                                 surfaces.is_covered[..., 0], direct.occluders) if effort.walls else None
-    probes = make_probes(surfaces.position, surfaces.normal, surfaces.is_covered, separation=separation)
+    probes = make_probes(surfaces.raised, surfaces.normal, surfaces.is_covered, separation=separation)
     outgoing = partial(outgoing_radiance, radiosity, direct if with_direct else None, effort)
     with part(0.02, 0.3):
         bounced, sky, fire = diffuse_bounces(radiosity, probes, filters, effort, with_direct)

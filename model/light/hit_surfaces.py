@@ -29,6 +29,7 @@ from .fresnel import lobe_albedo
 UNKNOWN_ROUGHNESS = 0.5  # where no token triangle lies behind a pixel (hair, sub-pixel geometry)
 UNKNOWN_F0 = 0.04        # likewise, of a layer
 LEAST_LAYER = 5e-3       # f0 from which on a layer reflects everything at grazing angles
+RAISED = 0.1             # pixels that rays start off curved surfaces, below which the mean of a pixel's first hits lies
 
 
 @dataclass
@@ -65,6 +66,16 @@ class HitSurfaces:
                    diffuse.mean(-1) / glossy.mean(-1).clamp_min(1e-6),
                    None if scene.translucent is None else to_tensor(_translucence(scene, guides))[..., None],
                    None if scene.group is None or not len(scene) else scene.group[guides.hit_triangle.clip(0)])
+
+    @property
+    def raised(self) -> Tensor:
+        """(h, W, 3) positions off the surface, from which rays start."""
+        if self.rays.shape[1] < 2:
+            return self.position
+        distance = (self.position - self.origin).norm(dim=-1, keepdim=True)
+        origins, rays = (torch.diff(x.expand_as(self.rays)[:, :2], dim=1) for x in (self.origin, self.rays))
+        pixel = (origins + distance * rays).norm(dim=-1, keepdim=True)
+        return self.position + RAISED * pixel * self.normal
 
     @property
     def is_covered(self) -> Tensor:

@@ -14,7 +14,7 @@ from ...scene import RenderScene
 from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, SOLID, Kind, Ray
 from ..direct.direct_light import DirectLight
-from ..direct.environment_light import EnvironmentLight
+from ..direct.environment_light import LIFT, EnvironmentLight
 from ..edge_stopping import dot
 from ..tensor_rays import TensorRays
 from ..weighted_rows import weighted_rows
@@ -23,7 +23,6 @@ from .panes import Panes
 from .patches import Patches
 
 FOG_REACH = 2.0        # network units from a point: fog beyond dims nothing
-LIFT = 1e-3            # network units that a ray starts off its surface
 LEAST_RELIABLE = 1e-3  # weight of a point that sees backs alone beside one that sees none
 FOG_RAYS, FOG_STEPS = 8, 8  # rays of a point along which in-scattering is computed, and samples on each
 UNLIKE = 0.25          # difference of the shares of visible sky at which a point's weight is 1/e

@@ -56,10 +56,19 @@ class Patches:
     locator: PieceLocator  # of the T triangles
 
     @cached_property
+    def turned(self) -> Tensor:
+        """(T, 1) -1 for triangles whose back is on the front of their patch, 1 for all others."""
+        along = (self._vectors * self.vector[self.patch]).sum(-1, keepdim=True)
+        return torch.where(along < 0, -1.0, 1.0)
+
+    @cached_property
     def facing(self) -> Tensor:
         """(T, 3) area vectors of the triangles, on the front of their patch."""
-        vector = torch.from_numpy(area_vectors(self.corners.numpy()))
-        return torch.where((vector * self.vector[self.patch]).sum(-1, keepdim=True) < 0, -vector, vector)
+        return self.turned * self._vectors
+
+    @cached_property
+    def _vectors(self) -> Tensor:
+        return torch.from_numpy(area_vectors(self.corners.numpy()))
 
     def points(self, count: int) -> tuple[Tensor, Tensor, Tensor]:
         """(S, count, 3) points spread evenly over the fronts of the patches, their unit normals, and those for shading.
@@ -78,14 +87,11 @@ class Patches:
         triangle = order[row.clamp(max=len(order) - 1)]
         u, v = ((k * step + start[:, i + 1:i + 2]) % 1 for i, step in enumerate(R2))
         weights = triangle_weights(u, v)[..., None]
-        corners, normal = self.corners[triangle], F.normalize(vector[triangle], dim=-1)
-        is_front = (torch.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :], dim=-1)
-                    * normal).sum(-1, keepdim=True) > 0
-        shading = F.normalize((weights * self.normals[triangle]).sum(2), dim=-1)
-        shading = torch.where(is_front, shading, -shading)
+        normal = F.normalize(vector[triangle], dim=-1)
+        shading = self.turned[triangle] * F.normalize((weights * self.normals[triangle]).sum(2), dim=-1)
         along = (shading * normal).sum(-1, keepdim=True)
         shading = F.normalize(shading + (LEAST_ALONG - along).clamp_min(0) * normal, dim=-1)
-        return (weights * corners).sum(2), normal, shading
+        return (weights * self.corners[triangle]).sum(2), normal, shading
 
 
 def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,

@@ -22,11 +22,12 @@ from ...surface_kinds import BENDING, Ray
 from ..caustics.photon_map import PhotonMap
 from ..caustics.photons import Photons, trace_photons
 from ..direct.direct_light import DirectLight
+from ..direct.environment_light import LIFT
 from ..effort import FULL, Effort
 from ..fresnel import schlick
 from ..sampling import cosine_directions, ggx_directions, hashed_starts, r2_starts
 from .bright_patches import importance_by_arrival, importance_by_power
-from .final_gather import LIFT, Gathered, GatherScene
+from .final_gather import Gathered, GatherScene
 from .openness import Openness
 from .patches import PATCHES, STEEP, make_patches
 

@@ -24,7 +24,7 @@ ROUGHNESS_LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
 BLUR = 0.3                            # roughness at which one of many rays reads the map
 SHARP, COARSE = (64, 128), (32, 64)  # map sizes of level 0 and of the blurred levels
 COSINE_LOBE = (math.pi, 2 * math.pi / 3, math.pi / 4)  # zonal coefficients of the clamped cosine, bands 0, 1, 2
-LIFT = 2e-3      # network units that a ray starts off its surface
+LIFT = 1e-4      # network units that a ray starts off its surface
 FOG_REACH = 2.0  # network units from a point: fog beyond dims nothing
 CHUNK = 4096     # points at a time
 
