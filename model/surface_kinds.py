@@ -46,7 +46,8 @@ SEEN = Kind.OPAQUE | Kind.GLASS | Kind.CUTOUT | Kind.EMITTER     # by cameras
 BENDING = Kind.GLASS | Kind.UNSEEN_GLASS
 SOLID = Kind.OPAQUE | Kind.UNSEEN                                # light ends there
 OCCLUDING = SOLID | BENDING                                      # no light passes straight; lamps shade nothing
-REFLECTING = SOLID | BENDING | Kind.CUTOUT | Kind.UNSEEN_CUTOUT
+STRAIGHT_THROUGH = Kind.CUTOUT | Kind.UNSEEN_CUTOUT
+REFLECTING = SOLID | BENDING | STRAIGHT_THROUGH
 
 
 def token_kinds(scene: RenderScene) -> np.ndarray:

@@ -35,7 +35,7 @@ class Gathered:
     direction: Tensor  # (P, R, 3), unit
     side: Tensor       # (P, R + A) row of a patch's front or back among those of all patches; one behind them = none
     share: Tensor      # (P, R + A) share of the radiance from there that arrives, times the weight of the ray
-    sky: Tensor        # (P, R) share of the sky's radiance that arrives where nothing is hit
+    sky: Tensor        # (P, R, 1) or (P, R, 3) share of the sky's radiance that arrives where nothing is hit
     through: Tensor    # (P, 3) mean radiance of media, and of the sky behind glass
     distance: Tensor   # (P, R), network units to what is hit; infinite where nothing is
     fire: Tensor | None = None  # (P, 3) mean radiance of fire, which is not in `through`; None without any
@@ -46,7 +46,7 @@ class Gathered:
     def merged(self, weight: Tensor) -> Gathered:
         """Every K consecutive points as one; weight: (P / K, K), whose means are 1."""
         count, row_weight = weight.shape[1], weight.reshape(-1, 1)
-        by_ray = self.direction, self.side, row_weight * self.share, row_weight * self.sky, self.distance
+        by_ray = (self.direction, self.side, row_weight * self.share, row_weight[..., None] * self.sky, self.distance)
         *merged, distance = (x.reshape(-1, count * x.shape[1], *x.shape[2:]) for x in by_ray)
         return Gathered(*merged, (row_weight * self.through).view(-1, count, 3).mean(1), distance)
 
@@ -87,7 +87,7 @@ class GatherScene:
         self.corners, self._is_solid = patches.corners.to(device), patches.solid.to(device)
         self._locator = patches.locator.to(device)
         self.fog, self.environment = direct.fog, direct.environment
-        self.in_scattering = direct.in_scattering
+        self.in_scattering, self.cutouts = direct.in_scattering, direct.cutouts
         self._fire = None if scene.fire is None else direct.in_scattering.fire(self.fog)
         self.panes = None
         with part(0.0, 0.5):
@@ -140,7 +140,11 @@ class GatherScene:
             share[row] *= transmittance
             through.index_add_(0, row // total, light * (row % total < rays)[:, None] / rays)
             behind_glass = (row, light) if total == rays else None
-        sky = (sky * share).view(-1, total)[:, :rays]
+        sky = (sky * share)[:, None]
+        if self.cutouts is not None:
+            tint = self.cutouts.transmittance(origin, direction, distance)
+            share, sky = share * tint.mean(1), sky * tint
+        sky = sky.unflatten(0, (-1, total))[:, :rays]
         if target is not None:
             density = self.bright.density_by_angle(piece, direction, distance).view(-1, total)
             cosine = (direction.view(-1, total, 3) @ normal[..., None])[..., 0].clamp_min(0)
@@ -180,7 +184,8 @@ class GatherScene:
         far = (gathered.distance / size).clamp(max=1).mean(1).view(-1, count)
         side = gathered.side[:, :gathered.direction.shape[1]]
         is_back = (side >= self.count) & (side < 2 * self.count)
-        backs, sky = ((x > 0).to(gathered.share.dtype).mean(1).view(-1, count) for x in (is_back, gathered.sky))
+        sees_sky = gathered.sky.amax(-1) > 0
+        backs, sky = (x.to(gathered.share.dtype).mean(1).view(-1, count) for x in (is_back, sees_sky))
         unlike = (sky - sky.median(1, keepdim=True).values) / UNLIKE
         weight = (far * (1 - backs)).clamp_min(LEAST_RELIABLE) * (-unlike.square()).exp()
         return weight / weight.mean(1, keepdim=True)

@@ -8,9 +8,10 @@ from torch import Tensor
 
 from ...geometry import area_vectors, unit
 from ...progress import part
-from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
+from ...scene import IOR, ROUGHNESS, RenderScene
 from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, Ray
+from ..cutouts import token_tints
 from ..direct.environment_light import BLUR, EnvironmentLight
 from ..edge_stopping import dot
 from ..tensor_rays import TensorRays
@@ -114,10 +115,3 @@ def _interpolated(table: np.ndarray, ior: np.ndarray, roughness: np.ndarray) -> 
     low = at.astype(int).clip(max=len(ROUGHNESSES) - 2)
     share, row = at - low, np.arange(len(at))
     return np.float32((1 - share) * by_ior[row, low] + share * by_ior[row, low + 1])
-
-
-def token_tints(scene: RenderScene) -> np.ndarray:
-    """(N, 3) f32 mean share of light that passes each token triangle."""
-    means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
-    tint = (1 - means[:, METALLIC, None]) * means[:, TRANSMISSION, None] * tint_of_glass(means[:, BASE_COLOR])
-    return tint[scene.tile_index]

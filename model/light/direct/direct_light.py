@@ -17,6 +17,7 @@ from ...scene import ANY, RenderScene
 from ...scene_rays import scene_rays
 from ...surface_kinds import OCCLUDING, Kind, Ray
 from ..chunks import in_chunks
+from ..cutouts import Cutouts
 from ..media.in_scattering import InScattering
 from ..media.transmittance import fog_of
 from ..sampling import hashed_starts
@@ -68,13 +69,14 @@ class DirectLight:
         rays = scene_rays(scene)
         with part(0.0, 0.5):
             self.occluders = TensorRays(rays.among(OCCLUDING, Ray.SHADOW))
-        self.emitters = EmitterLight(scene, self.fog, device)
+            self.cutouts = Cutouts.of(scene, device)
+        self.emitters = EmitterLight(scene, self.fog, device, self.cutouts)
         self.device = self.emitters.radiance.device
         with part(0.5, 1.0):
             self.sky = None
             if self.environment is not None:
                 occluders = TensorRays(rays.among(OCCLUDING | Kind.EMITTER, Ray.SHADOW))
-                self.sky = SkyVisibility(occluders, self.environment, self.fog)
+                self.sky = SkyVisibility(occluders, self.environment, self.fog, self.cutouts)
 
     @property
     def bounces(self) -> set[int]:

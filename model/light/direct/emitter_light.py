@@ -20,6 +20,7 @@ from ...fields import COLOR, DIRECTION, Channels
 from ...scene import RenderScene
 from ...scene_rays import scene_rays
 from ...surface_kinds import OCCLUDING, Ray
+from ..cutouts import Cutouts
 from ..fresnel import gain
 from ..media.transmittance import Fog
 from ..sampling import R2, disk_points, local_basis, triangle_weights
@@ -57,7 +58,8 @@ class NearEmitters(NamedTuple):
 class EmitterLight:
     """The emitters of a normalised scene, and what stands between them and surfaces."""
 
-    def __init__(self, scene: RenderScene, fog: Fog | None, device: torch.device | str):
+    def __init__(self, scene: RenderScene, fog: Fog | None, device: torch.device | str,
+                 cutouts: Cutouts | None = None):
         emitters = gather_emitters(scene)
         to_tensor = lambda x: torch.as_tensor(x, dtype=torch.float32, device=device)  # noqa: E731
         self.corners, self.centers, self.radii = map(to_tensor, (emitters.corners, emitters.centers, emitters.radii))
@@ -67,7 +69,7 @@ class EmitterLight:
         self.is_distant = self.origins.norm(dim=-1) > DISTANT
         self.radiance, self.beam_axis, self.beam_cosine = map(
             to_tensor, (emitters.radiance, emitters.beam_axis, emitters.beam_cosine))
-        self.fog = fog
+        self.fog, self._cutouts = fog, cutouts
         self._fan = to_tensor(fans(emitters.corners))
         self._limits = Limits(*(values[emitters.kind] for values in Limits.of(scene)[0]))
         blockers, occluder = np.unique(self._limits.blockers, return_inverse=True)
@@ -137,23 +139,29 @@ class EmitterLight:
         is_lit = lobes[0] > 0
         visible = sum(self._trace_shadows(x + LIFT * n, is_lit, direction, on_emitter)
                       for on_emitter in start.unbind(1)) / start.shape[1]
-        return tuple(((lobe * visible) @ radiance) / (lobe @ radiance).clamp_min(1e-12)
+        return tuple(_arriving(lobe, visible, radiance) / (lobe @ radiance).clamp_min(1e-12)
                      for lobe, radiance in zip(lobes, (self._to_diffuse, self._to_glossy)))
 
     def _trace_shadows(self, x: Tensor, is_lit: Tensor, direction: Tensor, start: Tensor) -> Tensor:
-        """(P, E) share of each emitter's light that arrives at points (P, 3) by one ray, where `is_lit` (P, E).
+        """(P, E) or (P, E, 3) share of each emitter's light that arrives at points (P, 3) by one ray.
 
-        direction: (3, P, E), to the emitters; start: (P, 2), where on them the rays end.
+        Where `is_lit` (P, E). direction: (3, P, E), to the emitters; start: (P, 2), where on them the rays end.
         """
         point, emitter = is_lit.nonzero().unbind(1)
         origin, is_near = x[point], ~self.is_distant[emitter, None]
         ray = self._points_on(emitter, direction[:, point, emitter].T, start[point]) - origin * is_near
         length = ray.norm(dim=-1)
-        is_blocked = self._is_blocked(emitter, origin, ray / length.clamp_min(1e-9)[:, None], length - END_GAP)
-        visible = torch.zeros_like(direction[0]).index_put((point, emitter), 1.0 * ~is_blocked)
+        ray, end = ray / length.clamp_min(1e-9)[:, None], length - END_GAP
+        arrives = 1.0 * ~self._is_blocked(emitter, origin, ray, end)
+        visible = torch.zeros_like(direction[0])
+        if self._cutouts is not None:
+            arrives = arrives[:, None] * self._cutouts.transmittance(origin, ray, end * arrives)
+            visible = visible[..., None].expand(-1, -1, 3)
+        visible = visible.index_put((point, emitter), arrives)
         if self.fog is None:
             return visible
-        return visible * self.fog.transmittance(x[:, None], self.origins.renorm(2, 0, FOG_REACH))
+        in_fog = self.fog.transmittance(x[:, None], self.origins.renorm(2, 0, FOG_REACH))
+        return visible * (in_fog if visible.ndim == 2 else in_fog[..., None])
 
     def _is_blocked(self, emitter: Tensor, *rays: Tensor) -> Tensor:
         """(R,) bool of rays to emitters (R,), as TensorRays.is_blocked has them."""
@@ -190,7 +198,7 @@ class EmitterLight:
     def mean_radiance(self, x: Tensor, start: Tensor) -> Tensor:
         """(P, 3) radiance that arrives in the air at points x (P, 3), the mean over all directions; start: (P, 2)."""
         direction, sine2, in_beam = self._directions(x)
-        return (sine2 / 4 * in_beam * self._trace_shadows(x, in_beam > 0, direction, start)) @ self._to_air
+        return _arriving(sine2 / 4 * in_beam, self._trace_shadows(x, in_beam > 0, direction, start), self._to_air)
 
     def diffuse(self, x: Tensor, n: Tensor, *layer: Tensor) -> tuple[Tensor, ...]:
         """Unshadowed radiance (P, 3) leaving a white diffuse surface at points x (P, 3) with unit normals n (P, 3).
@@ -326,3 +334,10 @@ class EmitterLight:
         of_spheres = sphere_directions(self.centers, self.radii, x[..., polygons:])
         direction, sine2 = (torch.cat(both, -1) for both in zip(of_polygons, of_spheres, strict=True))
         return direction, sine2.clamp(0, 0.999), beam(direction, self.beam_axis, self.beam_cosine)
+
+
+def _arriving(weight: Tensor, visible: Tensor, radiance: Tensor) -> Tensor:
+    """(P, 3) sum of radiance (E, 3) by weights (P, E), of which a share (P, E) or (P, E, 3) arrives."""
+    if visible.ndim == 2:
+        return (weight * visible) @ radiance
+    return torch.einsum("pe,pec,ec->pc", weight, visible, radiance)

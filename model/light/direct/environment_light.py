@@ -16,6 +16,7 @@ from torch.nn import functional as F
 from ...compute.devices import run_operator
 from ...environment import direction_map
 from ..chunks import in_chunks
+from ..cutouts import Cutouts
 from ..media.transmittance import Fog
 from ..sampling import cosine_directions
 from ..tensor_rays import TensorRays
@@ -64,14 +65,14 @@ class EnvironmentLight:
         return (_harmonics(normal) @ (self.harmonics * lobe[:, None])).clamp_min(0)
 
     def visible_share(self, directions: Tensor, visibility: Tensor, weight: Tensor | None = None) -> Tensor:
-        """(P, 3) share of the RGB radiance from (P, R, 3) unit vectors that arrives with a visibility of (P, R) each.
+        """(P, 3) share of the RGB radiance from (P, R, 3) unit vectors that arrives, of each (P, R, 1) or (P, R, 3).
 
         weight: (P, R), of the vectors; all count alike without it.
         """
         flat = directions.flatten(0, 1)
         radiance = self.filtered(flat, torch.full_like(flat[:, 0], BLUR)).view_as(directions)
         radiance = radiance if weight is None else weight[..., None] * radiance
-        return (visibility[..., None] * radiance).sum(1) / radiance.sum(1).clamp_min(1e-12)
+        return (visibility * radiance).sum(1) / radiance.sum(1).clamp_min(1e-12)
 
     def filtered(self, direction: Tensor, roughness: Tensor) -> Tensor:
         """(P, 3) radiance around a direction, averaged over the GGX lobe of this perceptual roughness (P,)."""
@@ -104,8 +105,9 @@ def _harmonics(d: Tensor) -> Tensor:
 class SkyVisibility:
     """Rays that miss all occluders, weighted by the environment's radiance."""
 
-    def __init__(self, occluders: TensorRays, environment: EnvironmentLight, fog: Fog | None = None):
-        self.occluders, self.environment, self.fog = occluders, environment, fog
+    def __init__(self, occluders: TensorRays, environment: EnvironmentLight, fog: Fog | None = None,
+                 cutouts: Cutouts | None = None):
+        self.occluders, self.environment, self.fog, self.cutouts = occluders, environment, fog, cutouts
 
     def __call__(self, position: Tensor, normal: Tensor, start: Tensor, rays: int) -> Tensor:
         """(P, 3) share of the environment's RGB irradiance that arrives at points (P, 3) with unit normals (P, 3).
@@ -116,8 +118,11 @@ class SkyVisibility:
 
     def _trace(self, rays: int, x: Tensor, n: Tensor, start: Tensor) -> Tensor:
         direction = cosine_directions(n, rays, start)
-        origin = (x + LIFT * n)[:, None].expand_as(direction).reshape(-1, 3)
-        visible = (~self.occluders.is_blocked(origin, direction.reshape(-1, 3))).view(-1, rays).to(x.dtype)
+        ray = (x + LIFT * n)[:, None].expand_as(direction).reshape(-1, 3), direction.reshape(-1, 3)
+        visible = (~self.occluders.is_blocked(*ray)).view(-1, rays, 1).to(x.dtype)
         if self.fog is not None:
-            visible = visible * self.fog.transmittance(x[:, None], x[:, None] + FOG_REACH * direction)
+            visible = visible * self.fog.transmittance(x[:, None], x[:, None] + FOG_REACH * direction)[..., None]
+        if self.cutouts is not None:
+            distance = torch.where(visible > 0, torch.inf, 0.0).flatten()
+            visible = visible * self.cutouts.transmittance(*ray, distance).view_as(direction)
         return self.environment.visible_share(direction, visible)

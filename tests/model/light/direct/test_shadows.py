@@ -91,3 +91,23 @@ def test_a_highlight_has_the_shadow_of_its_own_lamp():
         diffuse, glossy = direct.emitter_visibility(torch.zeros(1, 3), UP, start, UP, *gloss)
         torch.testing.assert_close(glossy, torch.full((1, 3), float(visible)), atol=0.02, rtol=0)
         assert 0.1 < diffuse.mean() < 0.9 or visible
+
+
+def test_what_lies_close_above_a_floor_shades_it():
+    card = SQUARE * 0.5 + np.float32((0, 0, 1e-3))
+    direct = DirectLight(under_a_sky(np.concatenate([SQUARE, card])))
+    assert sky(direct, torch.tensor([[0.0, 0.0, 0.0], [0.9, 0.9, 0.0]]), UP.expand(2, 3)).mean(1).tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("panes", [1, 2])
+def test_panes_that_bend_nothing_dim_lamps_and_sky_by_their_colours(panes):
+    tint = np.float32((0.9, 0.5, 0.1))
+    scene = floor_scene()
+    for height in np.linspace(0.5, 1, panes):
+        pane = under_a_sky(SQUARE * 20 + np.float32((0, 0, height)))
+        pane.tiles[:] = constant_tile(tint ** 2, transmission=1.0, roughness=0.0, ior=1.0)
+        scene = scene.appended(pane)
+    scene.environment = np.ones((32, 64, 3), np.float32)
+    found = DirectLight(scene).visibility(torch.zeros(1, 3), UP, sky_rays=256)
+    for visible in found.sky, found.emitters:
+        np.testing.assert_allclose(visible[0], tint ** panes, atol=0.02)
