@@ -88,7 +88,7 @@ class GatherScene:
         self._locator = patches.locator.to(device)
         self.fog, self.environment = direct.fog, direct.environment
         self.in_scattering, self.cutouts = direct.in_scattering, direct.cutouts
-        self._fire = None if scene.fire is None else direct.in_scattering.fire(self.fog)
+        self._fire = None if scene.fire is None else direct.in_scattering.fire()
         self.panes = None
         with part(0.0, 0.5):
             self.surfaces = {ray: TensorRays(rays.among(SOLID | Kind.EMITTER, ray))
@@ -124,15 +124,18 @@ class GatherScene:
             hits = self.surfaces[ray].nearest(origin, direction)
         distance, piece = hits.distance, self._locator.find(hits.triangle, hits.weights)
         side = self._sides(piece, direction)
-        share, sky, fire, behind_glass = torch.ones_like(distance), distance.isinf(), None, None
+        tint, sky, fire, behind_glass = torch.ones_like(distance)[:, None], distance.isinf(), None, None
         through = torch.zeros_like(position)
         if self.fog is not None:
             end = origin + distance.clamp(max=FOG_REACH)[:, None] * direction
-            share = self.fog.transmittance(origin, end)
+            tint = self.fog.transmittance(origin, end)
             if with_media:
                 rows = [x.view(-1, total, 3)[:, :rays] for x in (origin, end)]
                 through += self._scattered(*rows)
                 fire = self._fire and self._fire(*(x.flatten(0, 1) for x in rows), FOG_STEPS).view_as(rows[0]).mean(1)
+        if self.cutouts is not None:
+            tint = tint * self.cutouts.transmittance(origin, direction, distance)
+        share = tint.mean(1)
         if self.panes is not None:
             with part(0.7, 1.0):
                 row, light, transmittance = self.panes.sky_through(origin, direction, distance)
@@ -140,11 +143,7 @@ class GatherScene:
             share[row] *= transmittance
             through.index_add_(0, row // total, light * (row % total < rays)[:, None] / rays)
             behind_glass = (row, light) if total == rays else None
-        sky = (sky * share)[:, None]
-        if self.cutouts is not None:
-            tint = self.cutouts.transmittance(origin, direction, distance)
-            share, sky = share * tint.mean(1), sky * tint
-        sky = sky.unflatten(0, (-1, total))[:, :rays]
+        sky = (sky[:, None] * tint).unflatten(0, (-1, total))[:, :rays]
         if target is not None:
             density = self.bright.density_by_angle(piece, direction, distance).view(-1, total)
             cosine = (direction.view(-1, total, 3) @ normal[..., None])[..., 0].clamp_min(0)

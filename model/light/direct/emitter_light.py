@@ -161,7 +161,9 @@ class EmitterLight:
         if self.fog is None:
             return visible
         in_fog = self.fog.transmittance(x[:, None], self.origins.renorm(2, 0, FOG_REACH))
-        return visible * (in_fog if visible.ndim == 2 else in_fog[..., None])
+        if visible.ndim == 2 and in_fog.shape[-1] == 1:
+            return visible * in_fog[..., 0]
+        return in_fog * (visible if visible.ndim == 3 else visible[..., None])
 
     def _is_blocked(self, emitter: Tensor, *rays: Tensor) -> Tensor:
         """(R,) bool of rays to emitters (R,), as TensorRays.is_blocked has them."""

@@ -29,31 +29,28 @@ class InScattering:
         light[cells] = sky(fog.points_in(cells, hashed_starts(middle, 3)))
         for k in range(POINTS):
             light[cells] += emitters(fog.points_in(cells, hashed_starts(middle + k, 3))) / POINTS
-        cells = torch.cat([light * fog.scattering, fog.density[:, None]], dim=1)[:-1]
-        self.low, self.extent = fog.low, fog.cell * SIDE
-        self.cells = cells.T.reshape(1, 4, SIDE, SIDE, SIDE)  # RGB per unit of length, extinction
+        cells = torch.cat([light * fog.scattering, fog.extinction], dim=1)[:-1]
+        self.fog = fog
+        self.cells = cells.T.reshape(1, -1, SIDE, SIDE, SIDE)  # RGB per unit of length, extinction
 
-    def fire(self, fog: Fog) -> InScattering | None:
+    def fire(self) -> InScattering | None:
         """What the cells send out by themselves instead; None if that is nothing."""
-        if fog.emission is None:
+        if self.fog.emission is None:
             return None
         fire = copy.copy(self)
-        emission = fog.emission[:-1].T.reshape(1, 3, SIDE, SIDE, SIDE)
+        emission = self.fog.emission[:-1].T.reshape(1, 3, SIDE, SIDE, SIDE)
         fire.cells = torch.cat([emission, self.cells[:, 3:]], dim=1)
         return fire
 
     def __call__(self, origin: Tensor, end: Tensor, steps: int = STEPS) -> Tensor:
         """(P, 3) radiance that arrives at points (P, 3) from the media before the points `end` (P, 3)."""
         ray = end - origin
-        near, far = ((side - origin) / torch.where(ray.abs() < 1e-9, torch.full_like(ray, 1e-9), ray)
-                     for side in (self.low, self.low + self.extent))
-        enters = torch.minimum(near, far).amax(1, keepdim=True).clamp(0, 1)
-        leaves = torch.maximum(near, far).amin(1, keepdim=True).clamp(0, 1)
-        step = (leaves - enters).clamp_min(0) * ray / steps
+        enters, leaves = self.fog.crossed(origin, ray)
+        step = (leaves - enters) * ray / steps
         length = step.norm(dim=1, keepdim=True)
         radiance, transmittance = torch.zeros_like(origin), torch.ones_like(length)
         for k in range(steps):
-            light, extinction = self._at(origin + enters * ray + (k + 0.5) * step).split([3, 1], dim=1)
+            light, extinction = self._at(origin + enters * ray + (k + 0.5) * step).tensor_split([3], dim=1)
             absorbed = extinction * length
             mean = torch.where(absorbed > 1e-4, -torch.expm1(-absorbed) / absorbed.clamp_min(1e-4), 1 - absorbed / 2)
             radiance += transmittance * light * length * mean
@@ -61,7 +58,7 @@ class InScattering:
         return radiance
 
     def _at(self, x: Tensor) -> Tensor:
-        """(P, 4) interpolated between the cells."""
-        position = (2 * (x - self.low) / self.extent - 1).flip(-1)
+        """(P, 3 + C) interpolated between the cells."""
+        position = (2 * (x - self.fog.low) / (SIDE * self.fog.cell) - 1).flip(-1)
         return F.grid_sample(self.cells, position.view(1, -1, 1, 1, 3), align_corners=False,
                              padding_mode="border")[0, :, :, 0, 0].T

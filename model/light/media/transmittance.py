@@ -2,6 +2,8 @@
 """The scene's media on a coarse grid, and the transmittance between two points."""
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -11,40 +13,69 @@ from ...scene import CELLS, VOXELS, Fire, RenderScene, Volumes
 
 SIDE = 32          # cells along the grid
 STEPS = 6          # samples of the extinction along a ray
-NO_VOXELS = np.zeros((0, 3), np.float32), np.zeros(0, np.float32), np.zeros((0, 3), np.float32)
-REACH = 2.0        # network units from the centre, along each axis, within which media count
+NO_VOXELS = np.zeros((0, 3), np.float32), np.zeros((0, 1), np.float32), np.zeros((0, 3), np.float32)
+REACH = 2.0        # network units
+GREY = 0.02        # difference between colours of the extinction, as a share of it, up to which media are grey
 
 
 class Fog:
-    """Grey extinction, scattering and emission of media per network unit (docs/scene-input.md 5).
+    """Extinction, scattering and emission of media per unit of length (docs/scene-input.md 5).
 
-    density, scattering, emission: (SIDE^3 + 1,), (SIDE^3 + 1, 3) twice, x slowest; the last is that of all places
-    outside. emission: None without fire.
+    extinction: (SIDE^3 + 1, C), x slowest, the last that of all places outside; C is 1 if all media are grey, else 3.
+    scattering, emission: (SIDE^3 + 1, 3) likewise; emission is None without fire.
     """
 
-    def __init__(self, volumes: Volumes | None, device: torch.device | str = "cpu", fire: Fire | None = None):
+    def __init__(self, volumes: Volumes | None, device: torch.device | str = "cpu", fire: Fire | None = None,
+                 reach: float = REACH):
+        """reach: from the centre, along each axis, within which media count."""
         voxels = NO_VOXELS if volumes is None else _voxels(volumes)
         if fire is not None:
-            none = np.zeros_like(fire.radiance)
+            none, emitted = np.zeros_like(fire.radiance), fire.radiance * fire.size[:, None] ** 2
             voxels = [np.concatenate(both) for both in zip(
                 (*voxels, np.zeros_like(voxels[2])),
-                (fire.position, none[:, 0], none, fire.radiance * fire.size[:, None] ** 2), strict=True)]
+                (fire.position, none[:, :voxels[1].shape[1]], none, emitted), strict=True)]
         points, *coefficients = (torch.as_tensor(x, dtype=torch.float32, device=device) for x in voxels)
-        near = (points.abs() < REACH).all(1)
+        near = (points.abs() < reach).all(1)
         points = points[near]
         corners = points if len(points) else points.new_zeros(1, 3)
         margin = 1e-3
         self.low = corners.amin(0) - margin
         self.cell = (corners.amax(0) + margin - self.low) / SIDE
-        self.density, self.scattering, *emission = (
-            x.new_zeros(SIDE ** 3 + 1, *x.shape[1:]).index_add(0, self._index(points), x[near] / self.cell.prod())
-            for x in coefficients)
+        self.extinction, self.scattering, *emission = self._divided(points, [x[near] for x in coefficients])
         self.emission = emission[0] if emission else None
 
     def transmittance(self, begin: Tensor, end: Tensor) -> Tensor:
-        """(...) share of the light that gets from points (..., 3) to points (..., 3)."""
+        """(..., C) share of the light that gets from points (..., 3) to points (..., 3)."""
         ray = end - begin
-        return (-self._mean_extinction(begin, ray) * ray.norm(dim=-1)).exp()
+        enters, leaves = self.crossed(begin, ray)
+        begin, ray = begin + enters * ray, (leaves - enters) * ray
+        return (-self._mean_extinction(begin, ray) * ray.norm(dim=-1, keepdim=True)).exp()
+
+    def along(self, begin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> np.ndarray:
+        """(P, C) the same from points (P, 3) along unit vectors (P, 3) for distances (P,), which may be infinite."""
+        begin, direction, distance = (torch.as_tensor(x, dtype=torch.float32) for x in (begin, direction, distance))
+        size = SIDE * self.cell
+        farthest = (begin - self.low - size / 2).norm(dim=-1) + size.norm()  # at least as far as the grid reaches
+        return self.transmittance(begin, begin + torch.minimum(distance, farthest)[:, None] * direction).numpy()
+
+    def crossed(self, begin: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
+        """Shares (..., 1) of rays (..., 3) from points (..., 3) at which they enter and leave the grid."""
+        near, far = ((side - begin) / torch.where(ray.abs() < 1e-9, 1e-9, ray)
+                     for side in (self.low, self.low + SIDE * self.cell))
+        enters = torch.minimum(near, far).amax(-1, keepdim=True).clamp(0, 1)
+        return enters, torch.maximum(torch.maximum(near, far).amin(-1, keepdim=True).clamp(0, 1), enters)
+
+    def _divided(self, points: Tensor, amounts: list[Tensor]) -> list[Tensor]:
+        """(SIDE^3 + 1, C) mean in each cell of amounts (V, C) at points (V, 3), shared by the cells around each."""
+        place = ((points - self.low) / self.cell - 0.5).clamp(0, SIDE - 1)
+        low = place.floor().clamp(max=SIDE - 2)
+        share, cells = place - low, [x.new_zeros(SIDE ** 3 + 1, x.shape[1]) for x in amounts]
+        for corner in torch.cartesian_prod(*[torch.arange(2, device=points.device)] * 3):
+            weight = torch.where(corner > 0, share, 1 - share).prod(1, keepdim=True) / self.cell.prod()
+            number = self._number((low.long() + corner).unbind(1))
+            for whole, amount in zip(cells, amounts):
+                whole.index_add_(0, number, weight * amount)
+        return cells
 
     def points_in(self, cells: Tensor, within: Tensor) -> Tensor:
         """(P, 3) points in cells by number (P,); within: (P, 3) in [0, 1), where in its cell each point is."""
@@ -52,30 +83,36 @@ class Fog:
         return self.low + (torch.stack([x, y, z], dim=1) + within) * self.cell
 
     def _mean_extinction(self, begin: Tensor, ray: Tensor) -> Tensor:
-        """(...) between points (..., 3) and points + ray."""
-        return sum(self.density[self._index(begin + (k + 0.5) / STEPS * ray)] for k in range(STEPS)) / STEPS
+        """(..., C) between points (..., 3) and points + ray."""
+        return sum(self.extinction[self._index(begin + (k + 0.5) / STEPS * ray)] for k in range(STEPS)) / STEPS
 
     def _index(self, points: Tensor) -> Tensor:
         place = ((points - self.low) / self.cell).floor()
         outside = ((place < 0) | (place >= SIDE)).any(-1)
-        x, y, z = place.clamp(0, SIDE - 1).long().unbind(-1)
-        return ((x * SIDE + y) * SIDE + z).masked_fill(outside, SIDE ** 3)
+        return self._number(place.clamp(0, SIDE - 1).long().unbind(-1)).masked_fill(outside, SIDE ** 3)
+
+    @staticmethod
+    def _number(place: Sequence[Tensor]) -> Tensor:
+        x, y, z = place
+        return (x * SIDE + y) * SIDE + z
 
 
-def fog_of(scene: RenderScene, device: torch.device | str = "cpu") -> Fog | None:
+def fog_of(scene: RenderScene, device: torch.device | str = "cpu", reach: float = REACH) -> Fog | None:
     """The fog of a scene; None where it has no media."""
     volumes = scene.volumes if scene.volumes is not None and len(scene.volumes) else None
-    return None if volumes is None and scene.fire is None else Fog(volumes, device, scene.fire)
+    return None if volumes is None and scene.fire is None else Fog(volumes, device, scene.fire, reach)
 
 
 def _voxels(volumes: Volumes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centres (V, 3) of all voxels, their extinction (V,) and scattering (V, 3) per network unit times their volume."""
+    """Centres (V, 3) of all voxels, and, times their volume, extinction (V, C) and scattering (V, 3)."""
     step = ((np.arange(VOXELS) + 0.5) / VOXELS - 0.5) / CELLS
     local = np.stack(np.meshgrid(step, step, step, indexing="ij")[::-1], axis=-1).reshape(-1, 3)  # x fastest
     turned = np.stack([rotation_matrix(euler) for euler in volumes.rotation])
     points = volumes.position[:, None] + np.einsum("mij,mvj->mvi", turned, local * volumes.scale[:, None])
-    lost = (volumes.absorption + volumes.scattering).mean(1)
+    lost = volumes.absorption + volumes.scattering
+    if (np.ptp(lost, axis=1) <= GREY * lost.mean(1)).all():
+        lost = lost.mean(1, keepdims=True)
     voxel = volumes.scale.prod(1) / (CELLS * VOXELS) ** 3 / np.sqrt((volumes.scale**2).mean(1))
     amount = volumes.density * voxel[:, None]
-    return (points.reshape(-1, 3), (amount * lost[:, None]).reshape(-1),
-            (amount[..., None] * volumes.scattering[:, None]).reshape(-1, 3))
+    return points.reshape(-1, 3), *((amount[..., None] * of_cell[:, None]).reshape(-1, of_cell.shape[1])
+                                    for of_cell in (lost, volumes.scattering))

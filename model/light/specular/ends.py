@@ -17,6 +17,7 @@ from ...scene import IOR, Guides, RenderScene, View
 from ...scene_rays import scene_rays
 from ...shading import surface
 from ...surface_kinds import ALL, BENDING, Ray
+from ..media.transmittance import fog_of
 from .paths import Metal, PathEnds, follow_paths
 
 RAYS = {"reflected": Ray.GLOSSY, "refracted": Ray.TRANSMISSION}
@@ -36,7 +37,7 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
     pixels = {lobe: (color.max(-1) > LEAST_COLOR[lobe]) & (guides.hit_triangle >= 0) for lobe, color in colors.items()}
     if not any(mask.any() for mask in pixels.values()):
         return guides
-    rays, most = scene_rays(scene), scene.most_bounces
+    rays, most, fog = scene_rays(scene), scene.most_bounces, fog_of(scene, reach=math.inf)
     fields = {}
     for lobe, mask in pixels.items():
         if not mask.any() or not min(most[BOUNCES[lobe]], most["all"]):
@@ -48,7 +49,7 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
 
         def follow(rows: np.ndarray, columns: np.ndarray, lobe=lobe, cast=everything.closest, solid=solid) -> PathEnds:
             start = _first_segments(lobe, guides, scene, view, rows, columns)
-            return follow_paths(scene, cast, *start, solid, with_lamps=lobe != "reflected")
+            return follow_paths(scene, cast, *start, solid, lobe != "reflected", fog and fog.along)
 
         chunks = [(rows[first:first + CHUNK], columns[first:first + CHUNK]) for first in range(0, len(rows), CHUNK)]
         with part(0.0, 1.0, "Tracing mirrors and glass"):

@@ -24,6 +24,7 @@ LIFT = 1e-4        # of the longest segment so far, that a ray starts off its su
 SHARP, BLURRED = 0.15, 0.35  # roughness up to which a reflection is an image, and from which it is a mean over the lobe
 
 Cast = Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
+Media = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass
@@ -54,13 +55,14 @@ def blur(roughness):
 
 
 def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarray, eye: np.ndarray,
-                 solid: Cast | None = None, with_lamps: bool = True) -> PathEnds:
+                 solid: Cast | None = None, with_lamps: bool = True, media: Media | None = None) -> PathEnds:
     """Follow paths from world points (P, 3) along unit directions (P, 3); none may start at a lamp.
 
     A path that has passed SURFACES surfaces ends at the last one as if that were matte. eye: (3,) or (P, 3), the point
     from which the origins are seen. cast(origins, directions), such as `Rays.closest`, returns the nearest triangle
     (S,) i32, -1 for none, and its distance (S,). solid: the same for everything but glass, so that paths end at what
     glass touches. with_lamps: whether to show the lamps that the metal is lit by; else its highlights are to be added.
+    media: share of light (S, 1 or 3) that gets from points (S, 3) along directions (S, 3) for distances (S,).
     """
     zeros = lambda channels: np.zeros((len(origin), channels), np.float32)  # noqa: E731
     ends = PathEnds(*map(zeros, (3, 3, 3, 3)), Metal(*map(zeros, (3, 3, 3, 1))))
@@ -77,6 +79,8 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
             touched, gap = solid(before, direction)[:2]
             touches = (touched >= 0) & (gap < 3 * LIFT * reach)
             triangle, distance = np.where(touches, touched, triangle), np.where(touches, 0, distance)
+        if media is not None:
+            tint = tint * media(origin, direction, np.where(triangle < 0, np.inf, distance))
         hit = (triangle >= 0) & ~is_light[token[triangle]]
         arriving = _emitted(scene, token[triangle[~hit]], direction[~hit])
         arriving *= (shows_lamps[path[~hit]] | (triangle[~hit] < 0))[:, None]

@@ -39,6 +39,14 @@ def test_a_full_box_takes_light_as_beer_and_lambert_say(begin, end, inside):
     assert passing(box(scattering=0.6), begin, end) == pytest.approx(np.exp(-0.6 * inside), abs=0.04)
 
 
+def test_coloured_media_take_each_colour_by_its_own_share_at_any_distance():
+    absorption = np.float32((0.1, 0.6, 1.2))
+    fog = Fog(box(absorption=absorption))
+    begin, along = np.float32([(-0.5, 0, 0), (-40, 0, 0)]), np.float32([(1, 0, 0)] * 2)
+    shares = fog.along(begin, along, np.float32((0.8, np.inf)))
+    np.testing.assert_allclose(shares, np.exp(-absorption * np.float32([[0.8], [2]])), atol=0.03)
+
+
 def test_a_flat_box_lies_where_it_was_turned_to():
     turned = box(side=(2.0, 0.4, 1.0), euler=(0, 0, np.pi / 2), absorption=1.0)
     assert passing(turned, (0.0, -0.9, 0.0), (0.0, 0.9, 0.0)) == pytest.approx(np.exp(-1.8), abs=0.04)

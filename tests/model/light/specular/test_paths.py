@@ -183,3 +183,11 @@ def test_the_beam_of_a_lamp_is_seen_from_where_it_shines():
         scene = walls((2, -1, constant_tile()), shines=True)
         scene.beam_axis[:], scene.beam_cosine[:] = (-axis, 0, 0), (0.5, 0.6)
         assert ends(scene).light == pytest.approx(np.full((1, 3), float(radiance)))
+
+
+def test_what_is_seen_through_a_medium_is_dimmed_by_the_length_of_every_segment():
+    mirror = constant_tile(GOLD, metallic=1.0, roughness=0.1)
+    scene, start, ray = walls((2, -1, mirror), (-1, 1, constant_tile())), np.zeros((1, 3)), np.float64([(1, 0, 0)])
+    clear, dimmed = (follow_paths(scene, along_x(scene), start, ray, np.float32((-5, 0, 0)), media=each) for each in (
+        None, lambda begin, direction, distance: np.exp(-distance[:, None] * np.float32((0.1, 0.2, 0.3)))))
+    np.testing.assert_allclose(dimmed.color / clear.color, [np.exp(-5 * np.float32((0.1, 0.2, 0.3)))], rtol=1e-3)
