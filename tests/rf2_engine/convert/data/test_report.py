@@ -35,6 +35,12 @@ def lamp(**settings):
     return change
 
 
+def portal(scene, rock):
+    made = bpy.data.objects.new("Portal", bpy.data.lights.new("Portal", "AREA"))
+    made.data.cycles.is_portal = True
+    scene.collection.objects.link(made)
+
+
 def spotted_lamp(scene, rock):
     lamp(use_nodes=True)(scene, rock)
     tree = bpy.data.lights["Lamp"].node_tree
@@ -64,7 +70,7 @@ def drawing(scene, rock):
 
 @pytest.mark.parametrize("change, line", [
     (in_collection(), ""), (in_collection(indirect_only=True), ""),
-    (in_collection(holdout=True), "approximated Rock: a holdout"),
+    (in_collection(holdout=True), ""), (portal, ""),
     (lambda scene, rock: setattr(rock, "visible_camera", False), ""),
     (emit(0), ""), (emit(-1), "approximated Stone: negative light"), (dark_world, "approximated Grey: negative light"),
     (spotted_lamp, "approximated Lamp: node \"Noise Texture\""),
