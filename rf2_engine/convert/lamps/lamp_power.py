@@ -42,7 +42,7 @@ def compute_lamp_light(light, name: str, report, frame: np.ndarray, distance: fl
         strength = strength * _emission(light, name, report, frame, distance)
     strength = report.finite(name, "its strength", strength)
     if not light.use_shadow:
-        report.approximated(name, "it casts shadows, although its shadows are disabled")
+        report.approximated(name, "in estimated light it casts shadows, although its shadows are disabled")
     if (strength < 0).any():
         report.approximated(name, "negative light is ignored")
         strength = np.maximum(strength, 0)
