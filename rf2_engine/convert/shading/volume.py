@@ -117,7 +117,7 @@ def coefficients_at(n: NodeCall, key) -> tuple[np.ndarray, np.ndarray]:
 
 
 def unknown(n: NodeCall):
-    n.approximated(f"{n.node.bl_label} is ignored in the volume")
+    n.approximated("it is ignored in the volume")
     return NONE, NONE
 
 
