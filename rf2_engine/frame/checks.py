@@ -47,8 +47,8 @@ def report_ignored_settings(depsgraph: bpy.types.Depsgraph, light_passes: frozen
         report.approximated(scene.name, "Fast GI Approximation is ignored")
     if scene.render.use_simplify and (cycles.use_camera_cull or cycles.use_distance_cull):
         report.approximated(scene.name, "objects that Simplify's culling hides still light the scene and cast shadows")
-    if absent := passes.absent(scene, layer, light_passes):
-        report.skipped(layer.name, f"these passes of Cycles are not available: {', '.join(absent)}")
+    for name in passes.absent(scene, layer, light_passes):
+        report.skipped(f"Pass {name}", "this pass of Cycles is not available")
     for obj in depsgraph.objects:
         if not light_passes and obj.type == "LIGHT" and obj.data.cycles.max_bounces < USUAL_BOUNCES:
             report.approximated(obj.name, "its Max Bounces is ignored by the published weights")

@@ -2,7 +2,6 @@
 """Render one F12: Blender calls `render` once for every view layer of every frame."""
 from __future__ import annotations
 
-from collections import Counter
 from typing import NamedTuple
 
 import bpy
@@ -14,7 +13,7 @@ from ...model.light_passes import Lobes
 from ...model.scene import RenderScene, View
 from ...model.weights.presets import BUNDLED
 from .. import passes as pass_table
-from ..convert.data.report import Report, grouped
+from ..convert.data.report import Remark, Report, grouped, list_names
 from ..convert.fitting.framing import Framing
 from ..cycles import run as cycles_run
 from ..cycles.run import Passes
@@ -34,8 +33,8 @@ from .optics import Optics
 from .published_scene import network_input
 from .work import count_layers
 
-LOST = {"unplaced": "without room within Max Triangles (in the picture, but unknown to the network)",
-        "skipped": "left out of the picture", "refused": "with data that cannot be used"}
+LOST = {"unplaced": ("has", "have", "no room within Max Triangles (in the picture, but unknown to the network)"),
+        "skipped": ("is", "are", "left out of the picture"), "refused": ("has", "have", "data that cannot be used")}
 
 
 def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
@@ -165,9 +164,19 @@ def _print_report(engine: bpy.types.RenderEngine, statistics: LayerStatistics) -
     """Print what the picture lacks; one warning if something is missing from it altogether."""
     for group in grouped(statistics.remarks):
         print(f"RenderFormer-V2: {group}")
-    kinds = Counter(remark.kind for remark in statistics.remarks if remark.name != reference.NAME)
-    if lost := ", ".join(f"{kinds[kind]} {words}" for kind, words in LOST.items() if kinds[kind]):
+    if lost := summarize_lost(statistics.remarks):
         engine.report({"WARNING"}, f"{lost}: see RenderFormer-V2 > Last Render")
+
+
+def summarize_lost(remarks: list[Remark]) -> str:
+    """What is missing from the picture, by name: "Fog is left out of the picture"; nothing if nothing is."""
+    parts = []
+    for kind, (one, many, words) in LOST.items():
+        lost = [remark for remark in remarks if remark.kind == kind and remark.name != reference.NAME]
+        if lost:
+            verb = one if len({remark.name for remark in lost}) == 1 else many
+            parts.append(f"{list_names(lost)} {verb} {words}")
+    return ", ".join(parts)
 
 
 def _fail(engine: bpy.types.RenderEngine, layer: str, message: str) -> None:

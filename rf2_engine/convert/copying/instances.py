@@ -110,7 +110,7 @@ class _Walk:
         obj, parent = instance.object, instance.parent
         key = obj.original.as_pointer(), obj.type, instance.is_instance and parent and parent.original.as_pointer()
         if key not in self._shown:
-            self._shown[key] = is_shown(instance, self.layer, self.report)
+            self._shown[key] = is_shown(instance, self.layer)
         return self._shown[key]
 
     def _add_mesh(self, obj, instance: Instance, mirrored: bool, hidden: int) -> None:

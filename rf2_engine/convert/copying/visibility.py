@@ -12,18 +12,12 @@ MOST_GROUPS = 64  # bits of RenderScene.lit_groups
 RECEIVERS = {"MESH", "VOLUME"}  # curves, text and metaballs are instanced as meshes
 
 
-def is_shown(instance, layer, report) -> bool:
+def is_shown(instance, layer) -> bool:
     """Whether any ray of Cycles meets an instance; `layer` is the evaluated view layer."""
     obj = instance.object
     if not (layer.use_volumes if gas_domain(obj) or obj.type == "VOLUME" else layer.use_solid or obj.type == "LIGHT"):
         return False
-    if hidden_rays(instance) == sum(RAYS.values()):
-        return False
-    if obj.type == "LIGHT":
-        return True
-    if is_holdout(instance, layer):
-        report.approximated(obj.name, "a holdout lights the scene like any object")
-    return True
+    return hidden_rays(instance) != sum(RAYS.values())
 
 
 def is_holdout(instance, layer) -> bool:

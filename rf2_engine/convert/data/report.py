@@ -35,14 +35,18 @@ class Group(NamedTuple):
 
     @property
     def names(self) -> str:
-        """The first few: "Tree, Rock, Leaf and 87 more"."""
-        names = list(dict.fromkeys(remark.name for remark in self.remarks))
-        return ", ".join(names[:SOME]) + (f" and {len(names) - SOME} more" if len(names) > SOME else "")
+        return list_names(self.remarks)
 
     def __str__(self) -> str:
         if len(self.remarks) == 1:
             return str(self.remarks[0])
         return f"{self.kind} {len(self.remarks)} ({self.names}): {self.message}"
+
+
+def list_names(remarks: list[Remark]) -> str:
+    """The first few: "Tree, Rock, Leaf and 87 more"."""
+    names = list(dict.fromkeys(remark.name for remark in remarks))
+    return ", ".join(names[:SOME]) + (f" and {len(names) - SOME} more" if len(names) > SOME else "")
 
 
 def grouped(remarks: list[Remark]) -> list[Group]:

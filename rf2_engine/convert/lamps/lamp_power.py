@@ -33,8 +33,7 @@ def compute_lamp_light(light, name: str, report, frame: np.ndarray, distance: fl
     frame: (3, 3) rotation of the lamp; distance: to the center of the scene, for lamps that do not fall off
     with its square.
     """
-    if light.is_portal:
-        report.skipped(name, "a light portal only guides Cycles' sampling")
+    if light.is_portal:  # it only guides Cycles' sampling
         return None
     strength = np.array(light.color, np.float64) * light.energy * 2.0 ** getattr(light, "exposure", 0.0)
     if getattr(light, "use_temperature", False):
@@ -43,7 +42,7 @@ def compute_lamp_light(light, name: str, report, frame: np.ndarray, distance: fl
         strength = strength * _emission(light, name, report, frame, distance)
     strength = report.finite(name, "its strength", strength)
     if not light.use_shadow:
-        report.approximated(name, "it casts shadows, although its shadows are disabled")
+        report.approximated(name, "in estimated light it casts shadows, although its shadows are disabled")
     if (strength < 0).any():
         report.approximated(name, "negative light is ignored")
         strength = np.maximum(strength, 0)

@@ -77,10 +77,10 @@ def _area(lamp: PlacedLamp) -> RenderScene:
     spread = max(light.spread, LEAST_SPREAD)
     if light.spread < LEAST_SPREAD:
         was, now = math.degrees(light.spread), math.degrees(LEAST_SPREAD)
-        lamp.approximated(f"its spread is {now:.0f} instead of {was:.2g} degrees")
+        lamp.approximated(f"in estimated light its spread is {now:.0f} instead of {was:.2g} degrees")
     elif spread < math.pi - 0.01:
-        lamp.approximated(f"with a spread of {math.degrees(spread):.0f} degrees its light falls off slightly "
-                          "differently")
+        lamp.approximated(f"with a spread of {math.degrees(spread):.0f} degrees its estimated light falls off "
+                          "slightly differently")
     gain, border = fit_spread_beam(spread)
     per_watt = 1 / (math.pi * (shapes.area(front) if normalized(light) else 1))
     scene = black(lamp.to_world(back[:, ::-1] + [0, 0, 0.01 * size.min()]))
@@ -111,7 +111,7 @@ def _point(lamp: PlacedLamp) -> RenderScene:
 def _spot(lamp: PlacedLamp) -> RenderScene:
     x, y, z = lamp.scale
     if abs(x - y) > 1e-3 * max(x, y):
-        lamp.approximated("its scale is not uniform: its elliptic spot cone becomes round")
+        lamp.approximated("its scale is not uniform: in estimated light its elliptic spot cone is round")
     cosines = find_spot_beam(lamp.light, math.sqrt(x * y) / max(z, 1e-12))
     return _ball(lamp, beams(lamp, Cone(lamp.strength, DOWN, cosines)), half_angle=math.acos(cosines[0]))
 
@@ -140,7 +140,7 @@ def _softened(lamp: PlacedLamp) -> float:
 def _ball_radius(lamp: PlacedLamp) -> float:
     size, least = lamp.light.shadow_soft_size, BALL_RADIUS * lamp.scene_radius
     if size < 0.99 * least:
-        lamp.approximated(f"its radius is {least:.3g} instead of {size:.3g}: shadows are softer")
+        lamp.approximated(f"its radius is {least:.3g} instead of {size:.3g}: estimated shadows are softer")
     return max(size, least)
 
 
@@ -148,7 +148,8 @@ def _sun(lamp: PlacedLamp) -> Sun:
     own = lamp.light.angle
     if own < SUN_ANGLE:
         was, now = math.degrees(own), math.degrees(SUN_ANGLE)
-        lamp.approximated(f"the sun's angle is {now:.2g} instead of {was:.2g} degrees: shadows are softer")
+        lamp.approximated(f"the sun's angle is {now:.2g} instead of {was:.2g} degrees: estimated shadows are "
+                          "softer")
     disk = math.pi * math.sin(own / 2) ** 2 if own and not normalized(lamp.light) else 1.0
     return Sun(lamp.frame[:, 2], lamp.strength * disk, own)
 

@@ -33,6 +33,7 @@ def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, cente
     suns = suns + [replace(sun, irradiance=sun.irradiance * clear, reach=lamp.reach, light_group=lamp.light_group)
                    for sun, lamp in sun_lamps if sun is not None and clear.any()]
     lamps = [lamp for lamp in lamps if not _is_sun(lamp)]
+    usual = 0
     for detail in FINE, COARSE:
         distant = _sun_disks(suns, center, radius, detail, report)
         near = []
@@ -42,9 +43,12 @@ def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, cente
             shape = reaching(_within_numbers(shape, lamp.name, report), lamp.reach)
             near.append(_in_group(shape, lamp.light_group))
         near = [shape for shape in near if shape.is_light.any()]
-        if sum(map(len, near)) + sum(map(len, distant)) <= budget:
+        count = sum(map(len, near)) + sum(map(len, distant))
+        if count < usual:
+            report.approximated("Lamps", "in estimated light their shapes are coarser than usual: raise Max Triangles")
+        if count <= budget:
             return near + distant
-        report.approximated("Lamps", "their shapes are coarser than usual: raise Max Triangles")
+        usual = count
     most = max(int(SUNS_SHARE * budget) // max(map(len, distant), default=1), 1)
     if len(suns) > most:
         distant = _sun_disks(merge_suns(suns, most), center, radius, COARSE, report)
@@ -52,8 +56,8 @@ def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, cente
     most = max(room * len(near) // max(sum(map(len, near)), 1), 1)
     while sum(map(len, fewer)) > room and most > 0:
         fewer, most = _merge_lamps(near, most, center, max(radius, 1e-6)), int(0.9 * most)
-    report.approximated("Lamps", f"{len(fewer) + len(distant)} lights replace {len(near) + len(suns)}, each with the "
-                                 "light of those near it: raise Max Triangles")
+    report.approximated("Lamps", f"in estimated light {len(fewer) + len(distant)} lights replace "
+                                 f"{len(near) + len(suns)}, each with the light of those near it: raise Max Triangles")
     return fewer + distant
 
 

@@ -52,7 +52,7 @@ def convert_world_light(world: World | None, drawn: tuple | None, report,
     if suns:
         what = f"{len(suns)} small bright areas become sun lights" if len(suns) > 1 else \
             "a small bright area becomes a sun light"
-        report.approximated(world.name, f"{what}, at least {math.degrees(SUN_ANGLE):g} degrees wide")
+        report.approximated(world.name, f"in estimated light {what}, at least {math.degrees(SUN_ANGLE):g} degrees wide")
     return environment, [replace(sun, reach=Reach(world.hidden)) for sun in suns]
 
 

@@ -77,7 +77,7 @@ class Evaluator:
 def _computed(n: NodeCall) -> np.ndarray | Unknown:
     try:
         if n.kind not in FUNCTIONS:
-            raise Unknown(f"{n.node.bl_label} cannot be evaluated")
+            raise Unknown("it cannot be evaluated")
         with np.errstate(all="ignore"):
             return np.asarray(FUNCTIONS[n.kind](n), np.float32)
     except DependsOnView as reason:

@@ -40,7 +40,7 @@ def tell_path(output: str, ray: Ray = Ray.DIFFUSE) -> float:
 
 def fresnel(n: NodeCall):
     """Seen at normal incidence: a tile knows no viewing direction."""
-    n.approximated(f"{n.node.bl_label} depends on the view: its value for a view at right angles is used")
+    n.approximated("it depends on the view: its value for a view at right angles is used")
     if n.kind == "ShaderNodeLayerWeight":
         blend = np.clip(n["Blend"], 0, 0.999)
         return _normal_reflectance(1 / (1 - blend)) if n.output.name == "Fresnel" else np.zeros(1, np.float32)
@@ -53,7 +53,7 @@ def _normal_reflectance(ior):
 
 def passed_through(n: NodeCall):
     """Ambient Occlusion and the like: their colour without the effect."""
-    n.left_to_cycles(f"{n.node.bl_label} is ignored")
+    n.left_to_cycles("it is ignored")
     return n.get("Color", 1.0) if n.output.name == "Color" else np.ones(1, np.float32)
 
 

@@ -254,7 +254,7 @@ def _displacement(material, output: NodeCall | None) -> np.ndarray:
     if n is None or n.points.is_displaced:
         return np.zeros(1, np.float32)
     if n.kind != "ShaderNodeDisplacement":
-        n.approximated(f"displacement by {n.node.bl_label} is ignored")
+        n.approximated("its displacement is ignored")
         return np.zeros(1, np.float32)
     height = (n["Height"] - n["Midlevel"]) * n["Scale"]
     return height * _normal_scale(n) if n.node.space == "OBJECT" else height

@@ -102,14 +102,16 @@ class NodeCall:
         return None if output is None else NodeCall(self.evaluator, output.node, output, frames)
 
     def approximated(self, message: str) -> None:
-        """Report what of this node is lost."""
+        """Report what of this node is lost, as a sentence about "it"."""
+        name, kind = self.node.name, self.node.bl_label
+        told = f'{OF_A_NODE}{name}"' + ("" if name.startswith(kind) else f" ({kind})")
         within = "".join(f' in "{group.node_tree.name}"' for group in self.frames)
-        self.evaluator.report.approximated(self.evaluator.owner, f'{OF_A_NODE}{self.node.name}"{within}: {message}')
+        self.evaluator.report.approximated(self.evaluator.owner, f"{told}{within}: {message}")
 
     def left_to_cycles(self, message: str) -> None:
         """Have the node baked where the user allows it; else report what of it is lost."""
         if self.evaluator.baker:
-            raise Unknown(f"{self.node.bl_label} cannot be evaluated")
+            raise Unknown("it cannot be evaluated")
         self.approximated(message)
 
     def folded(self, message: str) -> None:

@@ -173,7 +173,7 @@ def emission(n: NodeCall):
 
 
 def holdout(n: NodeCall):
-    n.folded("holdout is shown as black")
+    """Black, as Cycles shows it to all rays but those of the camera, for which it is a hole."""
     closure = lobe(BLACK)
     closure.holdout = ONE
     return closure

@@ -4,7 +4,9 @@ import bpy
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import reference
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame.checks import report_ignored_settings
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame.render import summarize_lost
 from bl_ext.user_default.renderformer_v2.rf2_engine.settings import light_passes
 
 from tests.rf2_engine.f12 import cube, sun
@@ -44,7 +46,7 @@ def catch_without_traced_light(scene):
 @pytest.mark.parametrize("change, name, words", [
     (lambda scene: setattr(scene.cycles, "use_fast_gi", True), "Scene", "Fast GI"),
     (simplify, "Scene", "culling"),
-    (catch_without_traced_light, "ViewLayer", "Shadow Catcher"),
+    (catch_without_traced_light, "Pass Shadow Catcher", "not available"),
     (dice, "Cube", "Adaptive Subdivision"),
 ])
 def test_a_setting_without_effect_is_said(scene, lines, change, name, words):
@@ -52,6 +54,20 @@ def test_a_setting_without_effect_is_said(scene, lines, change, name, words):
     change(scene)
     (line,) = lines()
     assert f" {name}: " in line and words in line
+
+
+def test_the_popup_names_what_the_picture_lacks():
+    report = Report()
+    report.approximated("Rock", "its coat is ignored")
+    report.skipped(reference.NAME, "it cannot be saved beside the frame")
+    assert summarize_lost(report.entries) == ""
+    for message in ("the volume is empty", "its scale is 0"):
+        report.skipped("Fog", message)
+    assert summarize_lost(report.entries) == "Fog is left out of the picture"
+    for name in ("Tree", "Leaf", "Rock", "Moss"):
+        report.refused(name, "its transform is infinite")
+    assert summarize_lost(report.entries) == (
+        "Fog is left out of the picture, Tree, Leaf, Rock and 1 more have data that cannot be used")
 
 
 def test_ordinary_subdivision_needs_no_line(scene, lines):

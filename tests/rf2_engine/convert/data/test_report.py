@@ -35,6 +35,12 @@ def lamp(**settings):
     return change
 
 
+def portal(scene, rock):
+    made = bpy.data.objects.new("Portal", bpy.data.lights.new("Portal", "AREA"))
+    made.data.cycles.is_portal = True
+    scene.collection.objects.link(made)
+
+
 def spotted_lamp(scene, rock):
     lamp(use_nodes=True)(scene, rock)
     tree = bpy.data.lights["Lamp"].node_tree
@@ -64,7 +70,7 @@ def drawing(scene, rock):
 
 @pytest.mark.parametrize("change, line", [
     (in_collection(), ""), (in_collection(indirect_only=True), ""),
-    (in_collection(holdout=True), "approximated Rock: a holdout"),
+    (in_collection(holdout=True), ""), (portal, ""),
     (lambda scene, rock: setattr(rock, "visible_camera", False), ""),
     (emit(0), ""), (emit(-1), "approximated Stone: negative light"), (dark_world, "approximated Grey: negative light"),
     (spotted_lamp, "approximated Lamp: node \"Noise Texture\""),
@@ -116,8 +122,8 @@ def test_of_many_simplified_meshes_the_largest_is_named_first_with_the_range_of_
 def test_numbers_of_all_forms_are_one_range():
     report = Report()
     for i, radius in enumerate((0, 0.25, 1e-05, 3, 0.1)):
-        report.approximated(f"Lamp {i}", f"its radius is 0.5 instead of {radius:.3g}: shadows are softer")
-    assert str(grouped(report.entries)[0]).endswith(": its radius is 0.5 instead of 0–3: shadows are softer")
+        report.approximated(f"Lamp {i}", f"its radius is 0.5 instead of {radius:.3g}: estimated shadows are softer")
+    assert str(grouped(report.entries)[0]).endswith(": its radius is 0.5 instead of 0–3: estimated shadows are softer")
 
 
 def test_many_lamps_are_one_line(scene, converted, report):

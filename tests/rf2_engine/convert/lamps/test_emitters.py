@@ -102,10 +102,11 @@ def test_emitters_light_the_groups_of_surfaces_that_they_are_linked_to(emitter, 
         assert scene.group is None
 
 
-def test_holdout_collections_are_reported(emitter, converted, report):
+@pytest.mark.parametrize("cut", [False, True])
+def test_holdout_collections_light_as_in_cycles(emitter, converted, report, cut):
     inside = bpy.data.collections.new("Cut Out")
     bpy.context.scene.collection.children.link(inside)
+    bpy.context.scene.collection.objects.unlink(emitter[0])
     inside.objects.link(emitter[0])
-    bpy.context.view_layer.layer_collection.children["Cut Out"].holdout = True
-    converted()
-    assert any(name == "Square" and "holdout" in message for _, name, message in report.entries)
+    bpy.context.view_layer.layer_collection.children["Cut Out"].holdout = cut
+    assert assert_as_bright_as_in_cycles(converted).all() and not report.entries

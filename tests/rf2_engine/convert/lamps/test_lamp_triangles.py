@@ -142,7 +142,11 @@ def test_what_a_lamp_loses_is_reported():
     report = Report()
     portal = lamp("AREA", POSE)
     portal.data.cycles.is_portal = True
-    assert len(converted(portal, report)) == 0
+    assert len(converted(portal, report)) == 0 and not report.entries
     converted(lamp("POINT", POSE, shadow_soft_size=0.0), report)
     converted(lamp("SUN", POSE, angle=0.0), report)
-    assert [kind for kind, _, _ in report.entries] == ["skipped", "approximated", "approximated"]
+    unshaded = lamp("POINT", POSE, shadow_soft_size=1.0)
+    unshaded.data.use_shadow = False
+    converted(unshaded, report)
+    assert [kind for kind, _, _ in report.entries] == ["approximated"] * 3
+    assert all("estimated" in message for _, _, message in report.entries)

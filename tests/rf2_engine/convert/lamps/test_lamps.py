@@ -39,6 +39,18 @@ def test_two_hundred_lamps_give_as_much_light(add_mesh, converted, report, budge
     assert any(name == "Lamps" and "replace 200" in message for _, name, message in report.entries) == (budget < 1e6)
 
 
+@pytest.mark.parametrize("kind, coarser", [("POINT", True), ("AREA", False)])
+def test_lamps_are_called_coarser_where_they_have_fewer_triangles(add_mesh, converted, report, kind, coarser):
+    """Small area lamps have two at any rate."""
+    empty_cycles_scene()
+    for i in range(60):
+        lamp(kind, Matrix.Translation((i % 8, i // 8, 3)), energy=9, **(dict(size=0.1) if kind == "AREA" else {}))
+    add_mesh("Ground", ((20, 20, 0), (-20, 20, 0), (0, -20, 0)))
+    converted(token_budget=300)
+    assert any("lights replace 60" in message for _, _, message in report.entries)
+    assert any("coarser" in message for _, _, message in report.entries) == coarser
+
+
 @pytest.mark.parametrize("budget", [1_000_000, 1024, 300])
 def test_forty_lamps_of_all_kinds_give_as_much_light(add_mesh, converted, report, budget):
     empty_cycles_scene(samples=64)

@@ -105,4 +105,4 @@ def test_vector_displacement_is_reported(scene):
                              output.inputs["Displacement"])
     report = Report()
     MaterialTiles(report).triangle_tiles(copied(made), triangles(1))
-    assert any("Vector Displacement is ignored" in line for line in report.lines())
+    assert any('node "Vector Displacement": its displacement is ignored' in line for line in report.lines())

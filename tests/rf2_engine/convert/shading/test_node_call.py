@@ -55,6 +55,14 @@ def test_input_that_this_blender_does_not_know_has_a_default_or_is_reported(call
     assert "Rock" in report.lines()[0] and "Thin Film" in report.lines()[0] and call.node.name in report.lines()[0]
 
 
+@pytest.mark.parametrize("name, told", [("Invert Color.001", 'node "Invert Color.001": it is'),
+                                        ("Negative", 'node "Negative" (Invert Color): it is')])
+def test_a_remark_says_the_kind_of_a_node_once(call, report, name, told):
+    call.node.name = name
+    call.approximated("it is ignored")
+    assert told in report.lines()[0]
+
+
 def test_a_shader_that_feeds_itself_is_left_out_there():
     """A script can make it; Blender takes the link of the other shader for the invalid one."""
     empty_cycles_scene()
