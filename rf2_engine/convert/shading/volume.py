@@ -16,7 +16,6 @@ from .points import Points
 from .spectrum import blackbody_color
 
 NONE = np.zeros(3, np.float32)
-SAME_EXTINCTION = 0.05  # most difference between colours, relative to the most extinction, that is not worth a remark
 STEFAN_BOLTZMANN = 5.670373e-14 / np.pi  # as Cycles has it, in its units
 
 
@@ -78,11 +77,7 @@ def volume_coefficients(material, report, points: VolumePoints | None = None,
     coefficients = coefficients_at(NodeCall(evaluator, output), "Volume")
     points.depends_on_instance = evaluator.depends_on_instance or evaluator.depends_on_scale
     scattering, absorption = (report.finite(material.name, "its volume", np.float32(c)) for c in coefficients)
-    scattering, absorption = np.maximum(scattering, 0), np.maximum(absorption, 0)
-    extinction = scattering + absorption
-    if np.ptp(extinction, axis=-1).max() > SAME_EXTINCTION * extinction.max():
-        report.approximated(material.name, "in estimated light its volume dims all colors alike, by the mean")
-    return scattering, absorption
+    return np.maximum(scattering, 0), np.maximum(absorption, 0)
 
 
 def volume_emission(material, report, points: VolumePoints | None = None) -> np.ndarray:

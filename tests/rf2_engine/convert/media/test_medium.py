@@ -60,17 +60,6 @@ def add_grid(scene, tmp_path, dense):
     return add
 
 
-@pytest.mark.parametrize("absorption, colored", [((4, 5, 6), True), ((6, 5, 4), False), ((6, 5.1, 4), False)])
-def test_a_material_whose_extinction_is_coloured_is_reported_once(absorbing, converted, report, absorption,
-                                                                  colored):
-    absorbing.node_tree.nodes["Volume Coefficients"].inputs["Absorption Coefficients"].default_value = absorption
-    for place in range(3):
-        bpy.ops.mesh.primitive_cube_add(location=(3 * place, 0, 0))
-        bpy.context.object.data.materials.append(absorbing)
-    assert converted().volumes is not None
-    assert [name for _, name, message in report.entries if "all colors alike" in message] == ["smoke"] * colored
-
-
 def test_canonical_grid_gives_the_cells_of_the_specification(add_grid, converted):
     values = np.zeros((32, 32, 32))
     values[:] = np.arange(32)[:, None, None] / 124 + 0.75  # grows along x
