@@ -16,7 +16,7 @@ from ..direct.environment_light import BLUR, EnvironmentLight
 from ..edge_stopping import dot
 from ..tensor_rays import TensorRays
 
-SURFACES = 2          # of glass that dim a ray
+SURFACES = 4          # of glass that dim a ray
 ENTERING, LEAVING, THROUGH_BACK = range(3)
 # Share of light from everywhere that passes white glass, by roughness and IOR, as blurred as Cycles has it behind a
 # diffuse bounce (Filter Glossy 1; measured there): into it through its front, out of it through its back, and through a
