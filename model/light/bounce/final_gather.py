@@ -42,21 +42,28 @@ class Gathered:
     # (M,) number among all P R rays of those that see glass, and (M, 3) the sky's radiance through it; None without any
     # and where rays were aimed
     behind_glass: tuple[Tensor, Tensor] | None = None
+    tint: Tensor | None = None  # (P, R + A, 3) colour of `share`, whose mean is 1; None where nothing has one
 
     def merged(self, weight: Tensor) -> Gathered:
         """Every K consecutive points as one; weight: (P / K, K), whose means are 1."""
         count, row_weight = weight.shape[1], weight.reshape(-1, 1)
         by_ray = (self.direction, self.side, row_weight * self.share, row_weight[..., None] * self.sky, self.distance)
-        *merged, distance = (x.reshape(-1, count * x.shape[1], *x.shape[2:]) for x in by_ray)
-        return Gathered(*merged, (row_weight * self.through).view(-1, count, 3).mean(1), distance)
+        join = lambda x: x.reshape(-1, count * x.shape[1], *x.shape[2:])  # noqa: E731
+        *merged, distance = map(join, by_ray)
+        return Gathered(*merged, (row_weight * self.through).view(-1, count, 3).mean(1), distance,
+                        tint=None if self.tint is None else join(self.tint))
 
     def radiance(self, leaving: Tensor, weight: Tensor | None = None) -> Tensor:
-        """(P, C) mean of what arrives of the radiance (sides, C) that leaves the patches.
+        """(P, C) mean of what arrives of the radiance (sides, C) that leaves the patches, RGB any number of times.
 
         weight: (P, R) of the rays, whose mean is 1.
         """
         share = self.share if weight is None else self.share * weight
-        return weighted_rows(F.pad(leaving, (0, 0, 0, 1)), self.side, share) / self.side.shape[1]
+        leaving, count = F.pad(leaving, (0, 0, 0, 1)), self.side.shape[1]
+        if self.tint is None:
+            return weighted_rows(leaving, self.side, share) / count
+        colors = [weighted_rows(leaving[:, i::3], self.side, share * self.tint[..., i]) for i in range(3)]
+        return torch.stack(colors, -1).flatten(1) / count
 
     def sky_behind_glass(self, weight: Tensor) -> Tensor:
         """(P, 3) mean radiance of the sky behind glass; weight as above."""
@@ -136,6 +143,7 @@ class GatherScene:
         if self.cutouts is not None:
             tint = tint * self.cutouts.transmittance(origin, direction, distance)
         share = tint.mean(1)
+        color = (tint / share[:, None].clamp_min(1e-9)).view(-1, total, 3) if tint.shape[1] == 3 else None
         if self.panes is not None:
             with part(0.7, 1.0):
                 row, light, transmittance = self.panes.sky_through(origin, direction, distance)
@@ -151,7 +159,7 @@ class GatherScene:
             balanced[:, rays:] *= piece.view(-1, total)[:, rays:] == target
             share = share * balanced.flatten()
         return Gathered(direction.view(-1, total, 3)[:, :rays], side.view(-1, total), share.view(-1, total), sky,
-                        through, distance.view(-1, total)[:, :rays], fire, behind_glass)
+                        through, distance.view(-1, total)[:, :rays], fire, behind_glass, color)
 
     def hit_sides(self, triangle: Tensor, weights: Tensor, direction: Tensor) -> Tensor:
         """(N,) sides, as Gathered has them, of the patches that rays (N, 3) hit.

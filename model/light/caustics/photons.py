@@ -57,6 +57,8 @@ def trace_photons(scene: RenderScene, direct: DirectLight, count: int) -> Photon
         flux = flux * tint
         at = at + LIFT * ray
         pane, wall = panes.closest(at, ray), walls.closest(before, ray)
+        if direct.fog is not None:
+            flux = flux * direct.fog.along(at, ray, np.minimum(wall.distance, pane.distance))
         wall_first = wall.distance < pane.distance
         ends = wall_first & ~shines[wall.triangle] & flux.any(1)
         triangle = wall.triangle[ends]

@@ -53,10 +53,10 @@ class Fog:
 
     def along(self, begin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> np.ndarray:
         """(P, C) the same from points (P, 3) along unit vectors (P, 3) for distances (P,), which may be infinite."""
-        begin, direction, distance = (torch.as_tensor(x, dtype=torch.float32) for x in (begin, direction, distance))
+        begin, direction, distance = (torch.from_numpy(x).to(self.low) for x in (begin, direction, distance))
         size = SIDE * self.cell
         farthest = (begin - self.low - size / 2).norm(dim=-1) + size.norm()  # at least as far as the grid reaches
-        return self.transmittance(begin, begin + torch.minimum(distance, farthest)[:, None] * direction).numpy()
+        return self.transmittance(begin, begin + torch.minimum(distance, farthest)[:, None] * direction).cpu().numpy()
 
     def crossed(self, begin: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
         """Shares (..., 1) of rays (..., 3) from points (..., 3) at which they enter and leave the grid."""
