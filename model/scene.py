@@ -199,7 +199,7 @@ class Fire:
 
 
 SELDOM = {"light_bounces": np.uint8(ANY), "lit_groups": np.uint64(ALL_GROUPS),
-          "blockers": np.uint64(ALL_GROUPS), "group": np.uint8(0), "is_holdout": np.False_}
+          "blockers": np.uint64(ALL_GROUPS), "group": np.uint8(0), "is_holdout": np.False_, "shadow_tile": np.int32(-1)}
 
 
 @dataclass
@@ -236,6 +236,8 @@ class RenderScene:
     # Row of `tiles` that a camera sees where that differs from what light meets; None = the same
     camera_tile: np.ndarray | None = array("N", dtype=np.int32, default="none")
     back_tile: np.ndarray | None = array("N", dtype=np.int32, default="none")  # of its back; None = the same
+    # That which shadow rays pass straight through by a Light Path node, -1 for none; None = all -1
+    shadow_tile: np.ndarray | None = array("N", dtype=np.int32, default="none")
     # Lowest and highest corner of the box that becomes the network's, what a camera looks at; None = all but lights
     box: np.ndarray | None = array(2, 3, behaves=POINT, default="none")
     # Rays that do not see the environment's light, a set of surface_kinds.Ray; None = all do
@@ -345,14 +347,16 @@ class RenderScene:
     def appended(self, *others: RenderScene) -> RenderScene:
         """This scene with the triangles (and the tiles they use) of `others` behind its own."""
         scenes, tiles, count, geometries = [], 0, 0, []
-        optional = "latents", "two_lobes", "translucent", "hidden", "camera_tile", "back_tile", "light_group", *SELDOM
+        optional = ("latents", "two_lobes", "translucent", "hidden", "camera_tile", "back_tile", "light_group", *SELDOM)
         absent = [name for name in optional
                   if all(getattr(scene, name) is None for scene in (self, *others))]
         for scene in (self, *others):
+            shadow_tile = scene.seldom("shadow_tile")
             scenes.append(replace(scene, tile_index=scene.tile_index + np.int32(tiles), seen=scene.is_seen,
                                   camera_tile=scene.seen_tile + np.int32(tiles),
                                   back_tile=scene.tile_behind + np.int32(tiles), hidden=scene.hidden_from,
-                                  **{name: scene.seldom(name) for name in SELDOM},
+                                  shadow_tile=np.where(shadow_tile < 0, shadow_tile, shadow_tile + np.int32(tiles)),
+                                  **{name: scene.seldom(name) for name in SELDOM if name != "shadow_tile"},
                                   light_group=scene.light_groups, latents=scene.tile_latents,
                                   two_lobes=scene.tile_lobes, translucent=scene.tile_translucence))
             surfaces = scene.surfaces

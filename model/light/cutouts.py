@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..rays import Rays
 from ..scene import BASE_COLOR, METALLIC, TRANSMISSION, RenderScene, tint_of_glass
 from ..scene_rays import scene_rays
 from ..surface_kinds import STRAIGHT_THROUGH, Ray
@@ -17,23 +18,25 @@ GAP = 1e-4    # network units behind a surface where a ray goes on
 
 
 class Cutouts:
-    """All such surfaces of a scene, as rays towards lights meet them."""
+    """All such surfaces of a scene that rays of a kind meet."""
 
-    def __init__(self, surfaces: TensorRays, tint: Tensor):
-        """tint: (G, 3) of all triangles of the geometry."""
-        self._surfaces, self._tint = surfaces, tint
+    def __init__(self, surfaces: Rays, tint: Tensor):
+        """tint: (K, 3) of the triangles of `surfaces`."""
+        self._surfaces, self._tint = TensorRays(surfaces), tint
 
     @classmethod
-    def of(cls, scene: RenderScene, device: torch.device | str) -> Cutouts | None:
-        """None where none dims light."""
-        rays = scene_rays(scene)
-        rows = rays.rows(STRAIGHT_THROUGH, Ray.SHADOW)
-        if not len(rows):
+    def of(cls, scene: RenderScene, ray: Ray, device: torch.device | str) -> Cutouts | None:
+        """Those that such rays meet; None where none dims light."""
+        rows, passed = scene_rays(scene).rows(STRAIGHT_THROUGH, ray), np.full(len(scene), -1)
+        if ray is Ray.SHADOW:
+            passed = scene.seldom("shadow_tile")
+            rows = np.union1d(rows, np.flatnonzero(passed[scene.surfaces.token] >= 0))
+        tile = np.where(passed < 0, scene.tile_index, passed)[scene.surfaces.token[rows]]
+        tint = tile_tints(scene)[tile]
+        dims = (tint < CLEAR).any(axis=1)
+        if not dims.any():
             return None
-        tint = token_tints(scene)[scene.surfaces.token]
-        if (tint[rows] > CLEAR).all():
-            return None
-        return cls(TensorRays(rays.among(STRAIGHT_THROUGH, Ray.SHADOW)), torch.from_numpy(tint).to(device))
+        return cls(Rays(scene.surfaces.triangles[rows[dims]]), torch.from_numpy(tint[dims]).to(device))
 
     def transmittance(self, origin: Tensor, direction: Tensor, distance: Tensor) -> Tensor:
         """(N, 3) share of light that arrives at points (N, 3) from distances (N,) along unit vectors (N, 3)."""
@@ -51,8 +54,7 @@ class Cutouts:
         return share
 
 
-def token_tints(scene: RenderScene) -> np.ndarray:
-    """(N, 3) f32 mean share of light that passes each token triangle."""
+def tile_tints(scene: RenderScene) -> np.ndarray:
+    """(T, 3) f32 mean share of light that passes a surface with each tile."""
     means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
-    tint = (1 - means[:, METALLIC, None]) * means[:, TRANSMISSION, None] * tint_of_glass(means[:, BASE_COLOR])
-    return tint[scene.tile_index]
+    return (1 - means[:, METALLIC, None]) * means[:, TRANSMISSION, None] * tint_of_glass(means[:, BASE_COLOR])

@@ -13,6 +13,7 @@ from ...progress import part
 from ...scene import RenderScene
 from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, SOLID, Kind, Ray
+from ..cutouts import Cutouts
 from ..direct.direct_light import DirectLight
 from ..direct.environment_light import LIFT, EnvironmentLight
 from ..edge_stopping import dot
@@ -94,7 +95,8 @@ class GatherScene:
         self.corners, self._is_solid = patches.corners.to(device), patches.solid.to(device)
         self._locator = patches.locator.to(device)
         self.fog, self.environment = direct.fog, direct.environment
-        self.in_scattering, self.cutouts = direct.in_scattering, direct.cutouts
+        self.in_scattering = direct.in_scattering
+        self.cutouts = Cutouts.of(scene, Ray.DIFFUSE, device)
         self._fire = None if scene.fire is None else direct.in_scattering.fire()
         self.panes = None
         with part(0.0, 0.5):

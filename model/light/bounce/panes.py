@@ -11,7 +11,7 @@ from ...progress import part
 from ...scene import IOR, ROUGHNESS, RenderScene
 from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, Ray
-from ..cutouts import token_tints
+from ..cutouts import tile_tints
 from ..direct.environment_light import BLUR, EnvironmentLight
 from ..edge_stopping import dot
 from ..tensor_rays import TensorRays
@@ -51,9 +51,9 @@ class Panes:
         points = torch.from_numpy(scene.surfaces.triangles[rays.rows(BENDING, Ray.DIFFUSE)]).to(device).flatten(0, 1)
         self.center = (points.amin(0) + points.amax(0)) / 2  # of a sphere around all glass
         self.radius = (points - self.center).norm(dim=-1).max()
+        normal = unit(area_vectors(scene.surfaces.triangles)).astype(np.float32)
         self._tint, self._token, self._normal, self._transmittance = (torch.from_numpy(x).to(device) for x in (
-            token_tints(scene), scene.surfaces.token, unit(area_vectors(scene.surfaces.triangles)).astype(np.float32),
-            token_transmittances(scene)))
+            tile_tints(scene)[scene.tile_index], scene.surfaces.token, normal, token_transmittances(scene)))
 
     def sky_through(self, origin: Tensor, direction: Tensor, distance: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Which of N rays hit glass within their distances (N,), as rows (M,), and what they see behind it.

@@ -69,7 +69,7 @@ class DirectLight:
         rays = scene_rays(scene)
         with part(0.0, 0.5):
             self.occluders = TensorRays(rays.among(OCCLUDING, Ray.SHADOW))
-            self.cutouts = Cutouts.of(scene, device)
+            self.cutouts = Cutouts.of(scene, Ray.SHADOW, device)
         self.emitters = EmitterLight(scene, self.fog, device, self.cutouts)
         self.device = self.emitters.radiance.device
         with part(0.5, 1.0):

@@ -28,6 +28,7 @@ class Looks(NamedTuple):
     camera_tile: np.ndarray
     hidden: np.ndarray
     back_tile: np.ndarray
+    shadow_tile: np.ndarray
     shining_side: np.ndarray  # 1 the front alone, -1 the back alone, 0 both
     is_holdout: np.ndarray
 
@@ -35,7 +36,7 @@ class Looks(NamedTuple):
     def empty(cls, count: int) -> Looks:
         index = np.zeros(count, np.int32)
         return cls(index, np.zeros((count, 3), np.float32), index.copy(), np.zeros(count, np.uint8), index.copy(),
-                   index.copy(), np.zeros(count, bool))
+                   index - 1, index.copy(), np.zeros(count, bool))
 
 
 def find_looks(materials: MaterialTiles, material: Material | None, mesh: TriangleMesh, instance: Instance) -> Looks:
@@ -60,7 +61,11 @@ def find_looks(materials: MaterialTiles, material: Material | None, mesh: Triang
     index = np.where((index < 0) & is_met, materials.constant_index(WINDOW), index).astype(np.int32)
     camera_tile = np.where(tiles[Ray.CAMERA] < 0, index, tiles[Ray.CAMERA]).astype(np.int32)
     back_tile = np.where(looks.tile_index < 0, index, looks.back_tile)
-    return looks._replace(tile_index=index, camera_tile=camera_tile, hidden=hidden, back_tile=back_tile)
+    looks = looks._replace(tile_index=index, camera_tile=camera_tile, hidden=hidden, back_tile=back_tile)
+    if (tiles[Ray.SHADOW] < 0).any():
+        passed = materials.triangle_tiles(material, mesh, instance, Ray.SHADOW, clear=np.inf)[0]
+        looks = looks._replace(shadow_tile=np.where(tiles[Ray.SHADOW] < 0, passed, -1).astype(np.int32))
+    return looks
 
 
 def _with_backs(looks: Looks, back_tile: np.ndarray, behind: np.ndarray) -> Looks:

@@ -16,7 +16,7 @@ from .material import MaterialTiles
 
 # Arrays of a RenderScene that it does without where all triangles have this value.
 USUAL = {"hidden": 0, "light_group": 0} | {name: SELDOM[name] for name in (
-    "group", "lit_groups", "blockers", "is_holdout")}
+    "group", "lit_groups", "blockers", "is_holdout", "shadow_tile")}
 
 
 def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
@@ -51,10 +51,9 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
     for name, usual in USUAL.items():
         if not rows[name] or (getattr(scene, name) == usual).all():
             setattr(scene, name, None)
-    if not rows["camera_tile"] or (scene.camera_tile == scene.tile_index).all():
-        scene.camera_tile = None
-    if not rows["back_tile"] or (scene.back_tile == scene.tile_index).all():
-        scene.back_tile = None
+    for name in ("camera_tile", "back_tile"):
+        if not rows[name] or (getattr(scene, name) == scene.tile_index).all():
+            setattr(scene, name, None)
     scene.beam_axis, scene.beam_cosine = np.zeros((count, 3), np.float32), np.zeros((count, 2), np.float32)
     side = np.concatenate([np.zeros(0, np.int32), *sides])
     if side.any():

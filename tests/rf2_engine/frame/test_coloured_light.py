@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tests.rf2_engine.f12 import material
-from tests.rf2_engine.rooms import assert_alike, beside_cycles, lamp, panel, room
+from tests.rf2_engine.rooms import assert_alike, beside_cycles, by_ray, lamp, panel, room
 
 
 def pane(color):
@@ -38,6 +38,14 @@ def test_a_coloured_pane_tints_a_room_as_in_cycles(scene, tmp_path, light):
     panel(scene, pane((0.2, 0.5, 0.9)), x=0.5, side=2.6)
     lamp(scene, energy=300)
     scene.renderformer_v2.light = light
+    assert_alike(*beside_cycles(scene, tmp_path), rtol=0.1)
+
+
+def test_glass_that_shadow_rays_pass_straight_through_tints_a_room_as_in_cycles(scene, tmp_path):
+    room(scene)
+    glass, clear = ("BsdfGlass", {"IOR": 1.45}), ("BsdfTransparent", {"Color": (0.2, 0.5, 0.9, 1)})
+    panel(scene, by_ray("Glass", ("Is Shadow Ray", "Is Diffuse Ray"), glass, clear), x=0.5, side=2.6)
+    lamp(scene, energy=300)
     assert_alike(*beside_cycles(scene, tmp_path), rtol=0.1)
 
 

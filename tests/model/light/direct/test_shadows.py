@@ -11,6 +11,7 @@ from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.direct.emitters import gather_emitters
 from renderformer_v2.model.light.sampling import r2_starts
 from renderformer_v2.model.scene import RenderScene, constant_tile
+from renderformer_v2.model.surface_kinds import Ray
 from tests.model.samples import floor_scene
 
 UP = torch.tensor([[0.0, 0.0, 1.0]])
@@ -99,8 +100,9 @@ def test_what_lies_close_above_a_floor_shades_it():
     assert sky(direct, torch.tensor([[0.0, 0.0, 0.0], [0.9, 0.9, 0.0]]), UP.expand(2, 3)).mean(1).tolist() == [0, 1]
 
 
+@pytest.mark.parametrize("by_look", [False, True])
 @pytest.mark.parametrize("panes", [1, 2])
-def test_panes_that_bend_nothing_dim_lamps_and_sky_by_their_colours(panes):
+def test_panes_that_bend_no_shadow_rays_dim_lamps_and_sky_by_their_colours(panes, by_look):
     tint = np.float32((0.9, 0.5, 0.1))
     scene = floor_scene()
     for height in np.linspace(0.5, 1, panes):
@@ -108,6 +110,12 @@ def test_panes_that_bend_nothing_dim_lamps_and_sky_by_their_colours(panes):
         pane.tiles[:] = constant_tile(tint ** 2, transmission=1.0, roughness=0.0, ior=1.0)
         scene = scene.appended(pane)
     scene.environment = np.ones((32, 64, 3), np.float32)
+    if by_look:  # glass to other rays
+        scene.tiles = np.concatenate([scene.tiles, constant_tile((1, 1, 1), transmission=1.0, ior=1.5)[None]])
+        is_pane = scene.tile_index > 0
+        scene.hidden = np.where(is_pane, Ray.SHADOW, 0).astype(np.uint8)
+        scene.shadow_tile = np.where(is_pane, scene.tile_index, -1).astype(np.int32)
+        scene.tile_index[is_pane] = len(scene.tiles) - 1
     found = DirectLight(scene).visibility(torch.zeros(1, 3), UP, sky_rays=256)
     for visible in found.sky, found.emitters:
         np.testing.assert_allclose(visible[0], tint ** panes, atol=0.02)
