@@ -114,7 +114,9 @@ def _bend(scene: RenderScene, row: np.ndarray, at: np.ndarray, ray: np.ndarray,
     passes = unmasked(dot(ray, normal), dot(out, normal), alpha) * (same_side == is_reflected)
     transmission = texel[:, TRANSMISSION] * (1 - texel[:, METALLIC])
     tint = np.where(is_reflected[:, None], 1, transmission[:, None] * tint_of_glass(texel[:, BASE_COLOR]))
-    return out, (passes[:, None] * tint).astype(np.float32)
+    # In Cycles radiance stays as it is where a ray is bent, though rays into glass come closer together.
+    gain = np.where(is_reflected, 1, np.where(inside, ior, 1 / ior) ** 2)
+    return out, ((passes * gain)[:, None] * tint).astype(np.float32)
 
 
 def _side_normals(corners: np.ndarray, ray: np.ndarray) -> np.ndarray:

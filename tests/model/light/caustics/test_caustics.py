@@ -77,6 +77,18 @@ def test_a_thin_pane_passes_what_fresnel_leaves_of_the_light_of_a_lamp(monkeypat
     torch.testing.assert_close(found, unshaded * color * through, rtol=0.05, atol=0)
 
 
+def test_a_lamp_in_glass_is_as_bright_outside_as_it_is_inside(monkeypatch):
+    """As in Cycles, which follows paths from the camera and lets radiance pass: physically it would be 1 / n^2 of that.
+
+    Half of the way is in glass, which makes it shorter by n.
+    """
+    monkeypatch.setattr(reflectance, "BLURRED", 1e-3)
+    floor = floor_scene()
+    unshaded = DirectLight(floor).diffuse(AROUND, UP.expand(100, 3)).mean(0)
+    found = light_on_floor(floor.appended(of_glass(pane(2, 2))))
+    torch.testing.assert_close(found, unshaded * 0.96 * (2 / (1 + 1 / 1.5)) ** 2, rtol=0.05, atol=0)
+
+
 def test_a_ball_gathers_light_and_a_blurred_one_less():
     def ball(segments=24) -> np.ndarray:
         theta, phi = np.linspace(0, np.pi, segments + 1), np.linspace(0, 2 * np.pi, 2 * segments + 1)
