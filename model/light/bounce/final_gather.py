@@ -144,15 +144,17 @@ class GatherScene:
                 fire = self._fire and self._fire(*(x.flatten(0, 1) for x in rows), FOG_STEPS).view_as(rows[0]).mean(1)
         if self.cutouts is not None:
             tint = tint * self.cutouts.transmittance(origin, direction, distance)
-        share = tint.mean(1)
-        color = (tint / share[:, None].clamp_min(1e-9)).view(-1, total, 3) if tint.shape[1] == 3 else None
         if self.panes is not None:
             with part(0.7, 1.0):
                 row, light, transmittance = self.panes.sky_through(origin, direction, distance)
             sky[row] = False
-            share[row] *= transmittance
+            if self.panes.have_colors and tint.shape[1] == 1:
+                tint = tint.repeat(1, 3)
+            tint[row] *= transmittance if tint.shape[1] == 3 else transmittance[:, :1]
             through.index_add_(0, row // total, light * (row % total < rays)[:, None] / rays)
             behind_glass = (row, light) if total == rays else None
+        share = tint.mean(1)
+        color = (tint / share[:, None].clamp_min(1e-9)).view(-1, total, 3) if tint.shape[1] == 3 else None
         sky = (sky[:, None] * tint).unflatten(0, (-1, total))[:, :rays]
         if target is not None:
             density = self.bright.density_by_angle(piece, direction, distance).view(-1, total)

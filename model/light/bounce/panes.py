@@ -39,6 +39,7 @@ INTO, OUT, THROUGH = np.float32([
      [0.970, 0.927, 0.906, 0.851, 0.784, 0.715, 0.581, 0.463, 0.306],
      [0.970, 0.978, 0.960, 0.895, 0.875, 0.827, 0.627, 0.509, 0.392],
      [0.970, 0.986, 0.967, 0.928, 0.881, 0.787, 0.654, 0.571, 0.488]]])
+GREY = 0.01           # difference between colours of a tint up to which it is grey
 GAP = 1e-4            # network units behind a pane where a ray goes on
 
 
@@ -51,14 +52,17 @@ class Panes:
         points = torch.from_numpy(scene.surfaces.triangles[rays.rows(BENDING, Ray.DIFFUSE)]).to(device).flatten(0, 1)
         self.center = (points.amin(0) + points.amax(0)) / 2  # of a sphere around all glass
         self.radius = (points - self.center).norm(dim=-1).max()
+        tint = tile_tints(scene)[scene.tile_index]
+        of_glass = tint[scene.surfaces.token[rays.rows(BENDING, Ray.DIFFUSE)]]
+        self.have_colors = bool((np.ptp(of_glass, axis=1) > GREY).any())
         normal = unit(area_vectors(scene.surfaces.triangles)).astype(np.float32)
         self._tint, self._token, self._normal, self._transmittance = (torch.from_numpy(x).to(device) for x in (
-            tile_tints(scene)[scene.tile_index], scene.surfaces.token, normal, token_transmittances(scene)))
+            tint, scene.surfaces.token, normal, token_transmittances(scene)))
 
     def sky_through(self, origin: Tensor, direction: Tensor, distance: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Which of N rays hit glass within their distances (N,), as rows (M,), and what they see behind it.
 
-        Also returns the radiance of the sky (M, 3) that arrives through the glass, and its mean transmittance (M,).
+        Also returns the radiance of the sky (M, 3) that arrives through the glass, and its transmittance (M, 3).
         """
         ray = self._near_glass(origin, direction, distance).nonzero()[:, 0]  # waits for a GPU
         origin, direction, distance = (x[ray] for x in (origin, direction, distance))
@@ -88,7 +92,7 @@ class Panes:
         if self.environment is not None:
             sky = self.environment.filtered(along, torch.full_like(along[:, 0], BLUR))
             light = transmittance * sky * to_sky[:, None]
-        return ray, light, transmittance.mean(-1)
+        return ray, light, transmittance
 
     def _near_glass(self, origin: Tensor, direction: Tensor, distance: Tensor) -> Tensor:
         """(N,) bool: rays that hit the sphere around all glass, as few do where that is a ball in a room."""
