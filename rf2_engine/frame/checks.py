@@ -27,7 +27,7 @@ def check(depsgraph: bpy.types.Depsgraph, settings: FrameSettings, report: Repor
         raise SceneError(no_spherical_stereo(scene.camera))
     if settings.light is Light.TRACED and not compat.has_openimagedenoise():
         report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so direct light is noisy: raise "
-                                        "Samples, or set Light to Network and Rays")
+                                        "Max Samples, or set Light to Network and Rays")
     names = passes.session_passes(layer, passes.needed_light(layer, settings.light_passes))
     names += [*passes.light_groups(layer, settings.light_passes), *(passes.REFERENCE if settings.reference else ())]
     longest = max((p.blender_name for p in names), key=len)

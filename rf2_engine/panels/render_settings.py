@@ -121,9 +121,9 @@ class RENDERFORMER_PT_performance(EnginePanel):
     def draw(self, context):
         layout, settings = self.split_layout(), context.scene.renderformer_v2
         layout.prop(settings, "threads_mode")
-        threads = layout.column()
-        threads.active = settings.threads_mode == "FIXED"
-        threads.prop(settings, "threads")
+        threads, is_fixed = layout.column(), settings.threads_mode == "FIXED"
+        threads.enabled = is_fixed
+        threads.prop(settings if is_fixed else context.scene.render, "threads")  # Blender's says how many it takes
         layout.prop(context.scene.render, "use_persistent_data", text="Persistent Data")
         if model_cache.is_loaded():
             layout.operator("renderformer_v2.free_model")

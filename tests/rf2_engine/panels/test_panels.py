@@ -70,6 +70,26 @@ def test_labels_are_in_blenders_column(scene, name):
     assert layout.use_property_split is not False
 
 
+def test_automatic_threads_show_how_many_blender_takes(scene):
+    panel, shown = panels()["RENDERFORMER_PT_performance"], []
+
+    class Recorder(Layout):
+        def prop(self, data, name, **options):
+            super().prop(data, name, **options)
+            shown.append((name, getattr(data, name), self.enabled))
+
+    def threads():
+        shown.clear()
+        context = types.SimpleNamespace(scene=scene)
+        panel.draw(types.SimpleNamespace(split_layout=Recorder), context)
+        return next((value, enabled) for name, value, enabled in shown if name == "threads")
+
+    scene.render.threads_mode, scene.render.threads = "FIXED", 3
+    assert threads() == (3, False)
+    scene.renderformer_v2.threads_mode, scene.renderformer_v2.threads = "FIXED", 5
+    assert threads() == (5, True)
+
+
 def test_passes_that_cannot_be_given_are_named(scene):
     light = panels()["RENDERFORMER_PT_passes_light"]
     assert not drawn(scene, light).texts
