@@ -230,6 +230,10 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
     reference: PointerProperty(type=ReferenceSettings)
     viewport: PointerProperty(type=RenderFormerViewportSettings)
 
+    def chosen_device(self) -> str:
+        """As model.renderer.Renderer takes it: "cuda:1" is the second GPU."""
+        return f"cuda:{self.card - 1}" if self.card and self.device == "cuda" else self.device
+
     def weights(self) -> str:
         """The bundled preset's name or an absolute folder, as model.renderer.Renderer takes it.
 
@@ -306,9 +310,8 @@ class FrameSettings:
         ours, blenders = scene.renderformer_v2, scene.render
         weights = ours.weights()
         network = _network(weights)
-        device = f"cuda:{ours.card - 1}" if ours.card and ours.device == "cuda" else ours.device
-        return cls(weights, network, ours.transformer, device, ours.precision, ours.token_budget, ours.max_edge,
-                   ours.as_is, ours.paper_lamps and network is Network.PUBLISHED,
+        return cls(weights, network, ours.transformer, ours.chosen_device(), ours.precision, ours.token_budget,
+                   ours.max_edge, ours.as_is, ours.paper_lamps and network is Network.PUBLISHED,
                    read_sampling(scene, view_layer), ours.bake_unknown, _light(ours.light, network),
                    ours.light != "TRANSFORMER", light_passes(scene), threads(scene), blenders.film_transparent,
                    scene.cycles.film_exposure, FrameReference.read(scene))

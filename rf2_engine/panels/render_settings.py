@@ -9,7 +9,7 @@ from ...model.published.bundle_files import check_weights
 from ..frame.optics import Optics
 from ..preferences import package_panel
 from ..registering import classes
-from ..runtime import model_cache
+from ..runtime import device, model_cache
 from ..settings import is_published, read_sampling, traces_light
 from ..setup import packages, published_weights
 from ..setup.display import draw_text
@@ -42,6 +42,8 @@ class RENDERFORMER_PT_settings(EnginePanel):
         column.prop(settings, "device")
         if settings.device == "cuda":
             column.prop(settings, "card")
+        if problem := device.find_problem(settings.chosen_device()):
+            draw_text(column, problem)
         column.prop(settings, "precision")
         if not published:  # published networks take no traced light
             column.prop(settings, "light")
