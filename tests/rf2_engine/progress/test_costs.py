@@ -34,9 +34,10 @@ def test_a_stage_that_was_already_done_is_not_expected_to_be_so_again():
 
 
 # MiB that first renders of Blender sessions added, with pixels and triangles: a cube, and a room (docs/measured.md 7)
-FIRST_RENDERS = [(1068, 480 * 270, 780), (3914, 1920 * 1080, 780), (1094, 480 * 270, 924), (1886, 960 * 540, 924),
-                 (1873, 960 * 540, 16384), (4283, 1920 * 1080, 924), (1176, 480 * 270, 4096), (1179, 480 * 270, 16384), (999, 240 * 135, 16384),
-                 (1107, 240 * 135, 65536)]
+FIRST_RENDERS = [
+    (1068, 480 * 270, 780), (3914, 1920 * 1080, 780), (1094, 480 * 270, 924), (1886, 960 * 540, 924),
+    (1873, 960 * 540, 16384), (4283, 1920 * 1080, 924), (1176, 480 * 270, 4096), (1179, 480 * 270, 16384),
+    (999, 240 * 135, 16384), (1107, 240 * 135, 65536)]
 
 
 @pytest.mark.parametrize("before", FIRST_RENDERS, ids=str)
