@@ -6,7 +6,6 @@ functions takes its place (`Rays.fallback`), such as Blender's own BVH.
 """
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
@@ -79,8 +78,8 @@ class EmbreeCaster:
         return self._scene.run(origin, direction, dists=distance, query="OCCLUDED") >= 0
 
 
-@functools.cache
 def has_embree() -> bool:
+    """Not remembered: the package may be installed meanwhile, and Python itself remembers what it has imported."""
     try:
         import embreex.mesh_construction  # noqa: F401
         import embreex.rtcore_scene  # noqa: F401

@@ -168,16 +168,18 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
     use_adaptive_sampling: BoolProperty(
         name="Noise Threshold", default=True,
         description="Give pixels whose direct light is clean fewer samples, as Cycles does. It looks at the noise "
-                    "after every 16 samples, so this acts where Max Samples is more than 16 and Light is With Cycles",
+                    "after every 16 samples. Greyed out where it cannot act: with 16 samples or fewer, which "
+                    "pictures have by default unless they are small, and where Light is not With Cycles",
     )
     adaptive_threshold: FloatProperty(
         name="Noise Threshold", default=0.02, min=0.0001, soft_min=0.001, max=1.0, precision=4,
-        description="Noise at which a pixel has enough samples. Lower values reduce noise and take longer",
+        description="Noise at which a pixel has enough samples. Lower values reduce noise and take longer. Acts "
+                    "above 16 samples, where Light is With Cycles",
     )
     adaptive_min_samples: IntProperty(
         name="Min Samples", default=8, min=0, soft_max=128, max=1024,
         description="Noise is not looked at before pixels have more samples than this, so that small lights and fine "
-                    "details are found. 0 lets Cycles choose by Noise Threshold",
+                    "details are found. 0 lets Cycles choose by Noise Threshold, without which this does not act",
     )
     # Has no effect: files and presets of earlier versions have it.
     more_when_small: BoolProperty(name="More in Small Pictures", default=True, options={"HIDDEN"})
@@ -227,6 +229,10 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
                          description="Number of processor threads for Cycles and the network")
     reference: PointerProperty(type=ReferenceSettings)
     viewport: PointerProperty(type=RenderFormerViewportSettings)
+
+    def chosen_device(self) -> str:
+        """As model.renderer.Renderer takes it: "cuda:1" is the second GPU."""
+        return f"cuda:{self.card - 1}" if self.card and self.device == "cuda" else self.device
 
     def weights(self) -> str:
         """The bundled preset's name or an absolute folder, as model.renderer.Renderer takes it.
@@ -304,15 +310,14 @@ class FrameSettings:
         ours, blenders = scene.renderformer_v2, scene.render
         weights = ours.weights()
         network = _network(weights)
-        device = f"cuda:{ours.card - 1}" if ours.card and ours.device == "cuda" else ours.device
-        return cls(weights, network, ours.transformer, device, ours.precision, ours.token_budget, ours.max_edge,
-                   ours.as_is, ours.paper_lamps and network is Network.PUBLISHED, _sampling(scene, view_layer),
-                   ours.bake_unknown, _light(ours.light, network), ours.light != "TRANSFORMER",
-                   light_passes(scene), threads(scene),
-                   blenders.film_transparent, scene.cycles.film_exposure, FrameReference.read(scene))
+        return cls(weights, network, ours.transformer, ours.chosen_device(), ours.precision, ours.token_budget,
+                   ours.max_edge, ours.as_is, ours.paper_lamps and network is Network.PUBLISHED,
+                   read_sampling(scene, view_layer), ours.bake_unknown, _light(ours.light, network),
+                   ours.light != "TRANSFORMER", light_passes(scene), threads(scene), blenders.film_transparent,
+                   scene.cycles.film_exposure, FrameReference.read(scene))
 
 
-def _sampling(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None) -> Sampling:
+def read_sampling(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None) -> Sampling:
     """The view layer's own number of samples or the scene's, or what suits the size of the whole picture."""
     ours, of_layer = scene.renderformer_v2, view_layer.renderformer_v2.samples if view_layer else 0
     return Sampling(of_layer or ours.guide_samples or automatic_samples(*frame_size(scene.render)),

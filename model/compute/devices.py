@@ -14,9 +14,10 @@ from torch import Tensor
 BUILT_FOR = re.compile(r"(sm|compute)_(\d+)(\d)[af]?$")
 
 
-def choose_device(name: str = "auto") -> torch.device:
+def choose_device(name: str = "auto", has_driver: bool = False) -> torch.device:
     """`auto` prefers CUDA, then Apple's MPS, then the CPU; of several cards that with the most memory. "cuda:1" is one
-    by its number. Raises ValueError for a device that is not there or that this PyTorch cannot use.
+    by its number. has_driver: as in explain_unused_card. Raises ValueError for a device that is not there or that this
+    PyTorch cannot use.
     """
     if name == "cpu":
         return torch.device("cpu")
@@ -28,10 +29,11 @@ def choose_device(name: str = "auto") -> torch.device:
         if fitting := [i for i in ([int(number)] if number else cards) if not explain_too_old(i)]:
             return torch.device("cuda", max(fitting, key=lambda i: torch.cuda.get_device_properties(i).total_memory))
     if kind == "cuda":
-        reason = explain_unused_card() or "no CUDA device is available to PyTorch"
-        raise ValueError(f"{reason}. Or choose the device Automatic or CPU")
+        if reason := explain_unused_card(has_driver):
+            raise ValueError(f"{reason}, or set Device to Automatic or CPU")
+        raise ValueError("Device is CUDA, but PyTorch finds no GPU for it: set Device to Automatic or CPU")
     if kind == "mps" and not torch.backends.mps.is_available():
-        raise ValueError("no Metal (MPS) device is available to PyTorch: choose the device Automatic or CPU")
+        raise ValueError("Device is Metal, but PyTorch finds no GPU for it: set Device to Automatic or CPU")
     return torch.device("mps" if torch.backends.mps.is_available() else "cpu")
 
 

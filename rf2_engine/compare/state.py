@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..runtime.running import ENGINE
 from . import header, sources
 from .measuring import Box, Measurement
 from .pictures import Picture, label_pair
@@ -116,7 +117,9 @@ class Comparison:
             reader.picture(a)
             is_reference = REFERENCE in (a.pass_name, identity(a)[1][1])
             if is_reference or REFERENCE not in (name for _, name in reader.names(b)):
-                raise sources.OnePicture("A and B are the same picture: choose another pass, slot or image for one")
+                way_out = "" if is_reference else _way_to_reference(b)
+                raise sources.OnePicture(f"A and B are the same picture: {way_out}choose another pass, slot or image "
+                                         "for one")
             b.pass_name = REFERENCE
         if b.kind != "IMAGE" and b.pass_name == REFERENCE and not a.layer and identity(a)[1][0] == header.COMPOSITE:
             a.layer, _ = reader.chosen(b)
@@ -160,6 +163,13 @@ class Comparison:
         """Everything as at first, when the add-on is disabled."""
         self.forget()
         self.__init__()
+
+
+def _way_to_reference(side) -> str:
+    """How to get a reference for a side; "" where a render brings it none."""
+    if side.kind != "SHOWN" or bpy.context.scene.render.engine != ENGINE:
+        return ""
+    return "use Render Cycles Reference for a second one of Cycles, or "
 
 
 comparison = Comparison()

@@ -10,6 +10,7 @@ from ...model.weights.presets import weights_folder
 from .. import compat, passes
 from ..convert.camera.eyes import has_spherical_stereo, no_spherical_stereo
 from ..convert.data.report import Report
+from ..runtime import device
 from ..settings import FrameSettings, Light
 
 LONGEST_NAME = 63  # bytes of view layer, pass and channel together, of every engine, in a multilayer file
@@ -22,12 +23,13 @@ def check(depsgraph: bpy.types.Depsgraph, settings: FrameSettings, report: Repor
     Raises SceneError and CheckpointError for what cannot be rendered.
     """
     check_weights(weights_folder(settings.weights))
+    device.require(settings.device)
     scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
     if scene.render.use_multiview and scene.render.views_format == "STEREO_3D" and has_spherical_stereo(scene.camera):
         raise SceneError(no_spherical_stereo(scene.camera))
     if settings.light is Light.TRACED and not compat.has_openimagedenoise():
         report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so direct light is noisy: raise "
-                                        "Samples, or set Light to Network and Rays")
+                                        "Max Samples, or set Light to Network and Rays")
     names = passes.session_passes(layer, passes.needed_light(layer, settings.light_passes))
     names += [*passes.light_groups(layer, settings.light_passes), *(passes.REFERENCE if settings.reference else ())]
     longest = max((p.blender_name for p in names), key=len)

@@ -61,16 +61,24 @@ class Optics:
     @classmethod
     def read(cls, depsgraph: bpy.types.Depsgraph) -> Optics:
         """What the scene has and our settings allow."""
-        effects, scene = _effects(depsgraph), depsgraph.scene_eval
+        scene = depsgraph.scene_eval
         cycles = getattr(scene, "cycles", None)  # an add-on, which may be switched off
-        return cls(scene.renderformer_v2.lens_samples if "lens" in effects else 1,
-                   scene.renderformer_v2.shutter_samples if "shutter" in effects else 1,
-                   scene.render.film_transparent and getattr(cycles, "film_transparent_glass", False),
-                   not scene.render.film_transparent and has_holdouts(depsgraph), bool(shadow_catchers(depsgraph)))
+        return replace(
+            cls.of_blur(scene, depsgraph.view_layer_eval),
+            transparent_glass=scene.render.film_transparent and getattr(cycles, "film_transparent_glass", False),
+            holdouts=not scene.render.film_transparent and has_holdouts(depsgraph),
+            shadow_catchers=bool(shadow_catchers(depsgraph)))
+
+    @classmethod
+    def of_blur(cls, scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> Optics:
+        """The blur alone, which the settings tell without the objects."""
+        effects, ours = _effects(scene, layer), scene.renderformer_v2
+        return cls(ours.lens_samples if "lens" in effects else 1, ours.shutter_samples if "shutter" in effects else 1)
 
     def possible(self, light: Light, depsgraph: bpy.types.Depsgraph, report: Report) -> Optics:
         """What of it is possible with this light; reports what the scene has beyond that."""
-        scene, effects = depsgraph.scene_eval, _effects(depsgraph)
+        scene = depsgraph.scene_eval
+        effects = _effects(scene, depsgraph.view_layer_eval)
         if "lens" in effects and self.lens_samples == 1:
             report.approximated(scene.camera.name, "no depth of field: raise Samples in Render Properties > "
                                                    "Depth of Field")
@@ -112,11 +120,11 @@ def _is_panoramic(scene: bpy.types.Scene) -> bool:
     return scene.camera.type == "CAMERA" and scene.camera.data.type == "PANO"
 
 
-def _effects(depsgraph: bpy.types.Depsgraph) -> set[str]:
+def _effects(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> set[str]:
     """What the scene and its view layer switch on: {"lens", "shutter"}."""
-    scene, effects = depsgraph.scene_eval, set()
+    effects = set()
     if scene.camera and scene.camera.type == "CAMERA" and scene.camera.data.dof.use_dof and not _is_panoramic(scene):
         effects.add("lens")
-    if scene.render.use_motion_blur and depsgraph.view_layer_eval.use_motion_blur:
+    if scene.render.use_motion_blur and layer.use_motion_blur:
         effects.add("shutter")
     return effects

@@ -26,7 +26,7 @@ from ..progress.stages import CONVERT, ENCODE, TEXTURES, Work
 from ..registering import handlers
 from ..render_size import frame_size, render_border
 from ..runtime import failure, model_cache
-from ..settings import FrameSettings
+from ..settings import FrameSettings, Network
 from ..setup import packages
 from . import card, checks
 from .optics import Optics
@@ -148,7 +148,8 @@ def _inspect(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: 
     unblurred = replace(optics, lens_samples=1, shutter_samples=1)
     sharp_work = stage_work(width, height, border, settings, unblurred, with_lobes, views, groups)
     sharp = costs.measured_seconds(sharp_work, settings.setup)
-    added = costs.measured_memory(settings.setup, loaded, views * view.width * view.height, len(converted))
+    added = costs.measured_memory(settings.setup, loaded, views * view.width * view.height, len(converted),
+                                  settings.network is Network.PUBLISHED)
     tokens = card.count_tokens(network_input(converted, view, settings, report), settings)
     return Preflight(layer, count, views, size=(view.width, view.height), triangles=len(converted), tokens=tokens,
                      card=card.describe(card.memory(settings, tokens, view.width * view.height)),

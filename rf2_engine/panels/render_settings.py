@@ -6,10 +6,11 @@ from pathlib import Path
 
 from ...model.errors import CheckpointError
 from ...model.published.bundle_files import check_weights
+from ..frame.optics import Optics
 from ..preferences import package_panel
 from ..registering import classes
-from ..runtime import model_cache
-from ..settings import is_published, traces_light
+from ..runtime import device, model_cache
+from ..settings import is_published, read_sampling, traces_light
 from ..setup import packages, published_weights
 from ..setup.display import draw_text
 from . import light_paths
@@ -41,6 +42,8 @@ class RENDERFORMER_PT_settings(EnginePanel):
         column.prop(settings, "device")
         if settings.device == "cuda":
             column.prop(settings, "card")
+        if problem := device.find_problem(settings.chosen_device()):
+            draw_text(column, problem)
         column.prop(settings, "precision")
         if not published:  # published networks take no traced light
             column.prop(settings, "light")
@@ -80,6 +83,7 @@ class RENDERFORMER_PT_sampling(EnginePanel):
     def draw(self, context):
         layout, settings = self.split_layout(), context.scene.renderformer_v2
         row = layout.column(align=True, heading="Noise Threshold").row(align=True)
+        row.active = acts = _noise_threshold_acts(context)
         row.prop(settings, "use_adaptive_sampling", text="")
         threshold = row.row()
         threshold.active = settings.use_adaptive_sampling
@@ -87,8 +91,15 @@ class RENDERFORMER_PT_sampling(EnginePanel):
         column = layout.column(align=True)
         column.prop(settings, "guide_samples")
         least = column.column()
-        least.active = settings.use_adaptive_sampling
+        least.active = acts and settings.use_adaptive_sampling
         least.prop(settings, "adaptive_min_samples")
+
+
+def _noise_threshold_acts(context) -> bool:
+    """Whether a picture has enough samples for Cycles to look at its noise, and traced light to see it in."""
+    scene, layer = context.scene, context.view_layer
+    sampling = read_sampling(scene, layer)._replace(threshold=1.0)
+    return traces_light(scene.renderformer_v2) and Optics.of_blur(scene, layer).rays_of_picture(sampling).is_adaptive
 
 
 class RENDERFORMER_PT_film(EnginePanel):
@@ -121,9 +132,9 @@ class RENDERFORMER_PT_performance(EnginePanel):
     def draw(self, context):
         layout, settings = self.split_layout(), context.scene.renderformer_v2
         layout.prop(settings, "threads_mode")
-        threads = layout.column()
-        threads.active = settings.threads_mode == "FIXED"
-        threads.prop(settings, "threads")
+        threads, is_fixed = layout.column(), settings.threads_mode == "FIXED"
+        threads.enabled = is_fixed
+        threads.prop(settings if is_fixed else context.scene.render, "threads")  # Blender's says how many it takes
         layout.prop(context.scene.render, "use_persistent_data", text="Persistent Data")
         if model_cache.is_loaded():
             layout.operator("renderformer_v2.free_model")

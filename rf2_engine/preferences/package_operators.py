@@ -14,6 +14,7 @@ class _Install:
     """Asks first; then a process installs required_wheels(), which raises wheels.NoWheel, while Blender goes on."""
 
     by_content = False
+    offers_builds = False  # decided before the dialog: its own choice of a build may leave nothing to download
 
     @classmethod
     def poll(cls, context):
@@ -25,10 +26,12 @@ class _Install:
         if problem := self.problem():
             self.report({"ERROR"}, problem)
             return {"CANCELLED"}
+        self.offers_builds = any(wheel.name == "torch" for wheel in self.required_wheels())
         return context.window_manager.invoke_props_dialog(self, width=460, confirm_text=self.bl_label)
 
     def draw(self, context):
-        package_panel.draw_build(self.layout)
+        if self.offers_builds:
+            package_panel.draw_build(self.layout)
         if problem := self.problem():
             draw_text(self.layout, problem)
         else:

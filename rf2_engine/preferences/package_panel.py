@@ -5,6 +5,11 @@ from __future__ import annotations
 from ..setup import importing, package_install, packages, wheels
 from ..setup.display import draw_progress, draw_text, format_size, free_space
 
+SLOWER = {  # what takes longer without a package that a render can do without
+    "fast_simplification": "meshes are simplified in several times the time",
+    "embreex": "rays take ten times as long",
+}
+
 
 def draw_packages(layout, group: dict[str, str], published: bool = False) -> None:
     """Missing packages of packages.PACKAGES or PUBLISHED, with a button to install them; nothing if all are there."""
@@ -20,9 +25,13 @@ def draw_packages(layout, group: dict[str, str], published: bool = False) -> Non
     if installation and installation.state == "failed":
         draw_text(layout, installation.error)
     if missing := packages.missing(group):
-        draw_text(layout, f"Missing Python packages: {', '.join(missing)}", icon="INFO" if published else "ERROR")
-        if "fast_simplification" in missing and not set(missing) & set(packages.NETWORK):
-            draw_text(layout, "Scenes render without it: meshes are simplified in several times the time", icon="INFO")
+        several = "s" if len(missing) > 1 else ""
+        draw_text(layout, f"Missing Python package{several}: {', '.join(missing)}",
+                  icon="INFO" if published else "ERROR")
+        if consequences := [SLOWER[name] for name in missing if name in SLOWER]:
+            if not set(missing) & set(packages.NETWORK):
+                draw_text(layout, f"Scenes render without {'them' if several else 'it'}, but slower: "
+                                  f"{', '.join(consequences)}", icon="INFO")
         if problem := packages.unavailable(missing):
             draw_text(layout, problem)
             return

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -18,6 +19,12 @@ from .stages import Stage, Work
 
 LEAST_LEARNED = 0.5   # least factor on a known cost: a stage whose work was done already tells little about the next
 MOST_SETUPS = 20      # the latest are remembered
+
+# What renders add to Blender's memory, as measured (docs/measured.md 7).
+FIXED, FIXED_LOADED = 850.0, 320.0         # MiB, with the network to be loaded, and with it there
+LARGE = 1920 * 1080                        # pixels; beyond, more of the work is done in pieces
+PIXEL, PIXEL_BEYOND = 2200, 700            # bytes
+TRIANGLE, PUBLISHED_TRIANGLE = 16384, 40960  # bytes, of the network's input
 
 _measured: dict[str, dict[str, float]] = {}  # seconds for a unit, by setup and key
 _memory: dict[str, list[float]] = {}         # MiB that a render added, its pixels and its triangles, by setup
@@ -51,13 +58,30 @@ def learn_memory(setup: str, loaded: bool, added: float, pixels: int, triangles:
     _latest(_memory, _memory_key(setup, loaded), [])[:] = added, pixels, triangles
 
 
-def measured_memory(setup: str, loaded: bool, pixels: int, triangles: int) -> float | None:
-    """MiB that a render will add, in proportion to the picture or the scene, whichever grew more; None if unknown."""
-    before = _memory.get(_memory_key(setup, loaded)) or _memory.get(setup)  # more, as it includes loading the network
-    if not before:
+def measured_memory(setup: str, loaded: bool, pixels: int, triangles: int, is_published: bool = False) -> float | None:
+    """MiB that a render will add, from what the last one in this setup did; None if there was none.
+
+    What is smaller than in the last one, picture or scene, adds what is usual for it, and all that the last one needed
+    beyond the usual, which its objects and images may have taken; but no more than the last one. What is larger adds
+    what it usually needs more.
+    """
+    last = _memory.get(_memory_key(setup, loaded)) or _memory.get(setup)
+    if not last:
         return None
-    added, before_pixels, before_triangles = before
-    return added * max(1.0, pixels / max(before_pixels, 1), triangles / max(before_triangles, 1))
+    added, last_pixels, last_triangles = last
+    if loaded and _memory_key(setup, loaded) not in _memory:
+        added = max(added - (FIXED - FIXED_LOADED), 0.0)  # it included loading the network
+    usual = partial(_usual_memory, loaded, is_published)
+    smaller = usual(min(pixels, last_pixels), min(triangles, last_triangles))
+    kept = min(added, smaller + max(added - usual(last_pixels, last_triangles), 0.0))
+    return kept + usual(pixels, triangles) - smaller
+
+
+def _usual_memory(loaded: bool, is_published: bool, pixels: float, triangles: float) -> float:
+    """MiB that no render of a small scene on a CPU has exceeded: a fixed part, one of the picture, one of the scene."""
+    of_pixels = PIXEL * min(pixels, LARGE) + PIXEL_BEYOND * max(pixels - LARGE, 0)
+    of_triangles = (PUBLISHED_TRIANGLE if is_published else TRIANGLE) * triangles
+    return (FIXED_LOADED if loaded else FIXED) + (of_pixels + of_triangles) / (1 << 20)
 
 
 def _memory_key(setup: str, loaded: bool) -> str:

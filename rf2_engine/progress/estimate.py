@@ -25,6 +25,7 @@ class Frame:
     stage_expected: float = 0.0
     steady_fraction: float = 0.0  # last reported by a steady stage
     steady_seconds: float = 0.0   # that it had taken by then
+    memory_peak: float = 0.0      # MiB of this process, at most so far; the view layers' Status measures it
 
     def restart(self) -> None:
         """Another frame begins."""

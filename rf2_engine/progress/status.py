@@ -30,7 +30,7 @@ class Status:
         self._displayed = ("", 0.0)  # text, and when
         self._has_line = False  # the status line says how much time remains
         self._memory_before = memory.measure()
-        self._peak = self._memory_before[0]
+        self._peak = self._memory_before[0]  # MiB, since this view layer began
 
     @contextmanager
     def during_cycles(self, words: str, share: float = 1.0, time_limit: float = 0.0,
@@ -55,6 +55,7 @@ class Status:
             fraction, last_printed = 0.0, begin
             while not done.wait(HOLD_INTERVAL):
                 now = time.perf_counter()
+                self._measure_memory()
                 fraction = max(fraction, self._across_views(cycles_text.fraction(text.read(), now - begin, time_limit)))
                 line = _line(words, fraction, estimate.frame.remaining(share * fraction, is_steady=True))
                 if window:
@@ -73,7 +74,7 @@ class Status:
             follower.join()
             self._has_line = False
             status_line.show("")
-            self._show_memory()  # Cycles leaves its own
+            self._show_memory(self._measure_memory())  # Cycles leaves its own
 
     def _across_views(self, fraction: float) -> float:
         """The fraction of all views that is done, given that of the one that Cycles renders."""
@@ -86,26 +87,33 @@ class Status:
         """Display a stage and its fraction. Raises RenderCancelled after Esc, or when the add-on is being disabled."""
         if self.esc_pressed() or running.is_stopping():
             raise RenderCancelled()
+        used = self._measure_memory()
         now = time.perf_counter()
         if text != self._displayed[0] or now - self._displayed[1] > REDRAW_INTERVAL:
             self._displayed = text, now
             remaining = estimate.frame.remaining(min(max(fraction, 0.0), 1.0))
-            self._show_memory()
+            self._show_memory(used)
             parts = ("" if self._has_line else f"Remaining {_time(remaining)}", self.sample, text)
             self.engine.update_stats(self._layer, " | ".join(filter(None, parts)))
             self.engine.update_progress(estimate.frame.bar)
 
-    def _show_memory(self) -> None:
+    def _measure_memory(self) -> float:
+        """MiB in use. The peak of the whole process is this view layer's if it has risen since that began; what lies
+        below is noticed only here, so this is called often."""
         used, peak = memory.measure()
-        self._peak = max(self._peak, used)
-        self.engine.update_memory_stats(memory_used=used, memory_peak=peak)
+        self._peak = max(self._peak, peak if peak > self._memory_before[1] else used)
+        return used
+
+    def _show_memory(self, used: float) -> None:
+        frame = estimate.frame
+        frame.memory_peak = max(frame.memory_peak, self._peak)
+        self.engine.update_memory_stats(memory_used=used, memory_peak=frame.memory_peak)
 
     @property
     def memory_added(self) -> float:
         """MiB that this process has used at most beyond what it used at first."""
-        _, peak = memory.measure()
-        used, peak_before = self._memory_before
-        return max((peak if peak > peak_before else self._peak) - used, 0.0)
+        self._measure_memory()
+        return self._peak - self._memory_before[0]
 
     def esc_pressed(self) -> bool:
         return self.engine.test_break()

@@ -16,6 +16,7 @@ from wheels import Wheel
 
 # pip cannot resume a file.
 REPEATABLE = "packages that are complete are kept, the next installation downloads the others"
+REFUSED_CERTIFICATE = ("CERTIFICATE_VERIFY_FAILED", "confirming the ssl certificate")  # before pip finds "no version"
 INTERVAL = 0.5  # seconds between two reports of progress
 PASSED_VARIABLES = {"PIP_CERT", "PIP_CLIENT_CERT", "PIP_PROXY"}  # they describe the network, not what to install
 FROM_WHEEL = "import runpy, sys; sys.path.insert(0, sys.argv.pop(1)); runpy.run_module('pip', run_name='__main__')"
@@ -77,6 +78,11 @@ def explain_failure(wheel: Wheel, log: str) -> str:
         return f"{what}: the file that was sent is not the one that this add-on knows, so it was not installed"
     if "No space left" in log or "Errno 28" in log:
         return f"{what}: the disk is full ({REPEATABLE})"
+    if any(words in log for words in REFUSED_CERTIFICATE):
+        return (f"{what}: the package index answered with a certificate that this computer does not trust, as behind "
+                "the proxy of a company. Ask its administrators for their certificate, set the environment variable "
+                f"PIP_CERT to that file (.pem), and start Blender again. Otherwise check the computer's date "
+                f"({REPEATABLE})")
     errors = [line.removeprefix("ERROR: ") for line in log.splitlines() if line.startswith("ERROR: ")]
     last = (errors or log.splitlines() or [""])[-1]
     return f"{what} could not be installed: {last[:300]} (check the connection; {REPEATABLE})"

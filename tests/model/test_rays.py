@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rays against rays that look at every triangle."""
+import sys
+
 import numpy as np
 import pytest
 
@@ -109,3 +111,10 @@ def test_without_embree_its_fallback_is_asked_or_the_package_named(monkeypatch):
     Rays.fallback = lambda triangles: made.append(triangles)
     Rays(SQUARE)
     np.testing.assert_array_equal(made[0], SQUARE)
+
+
+def test_embree_is_found_as_soon_as_it_is_installed(monkeypatch):
+    with monkeypatch.context() as before:
+        before.setitem(sys.modules, "embreex.mesh_construction", None)  # as Python says of what is not there
+        assert not rays.has_embree()
+    assert rays.has_embree()

@@ -17,8 +17,7 @@ from ...scene import IOR, Guides, RenderScene, View
 from ...scene_rays import scene_rays
 from ...shading import surface
 from ...surface_kinds import ALL, BENDING, Ray
-from ..media.transmittance import fog_of
-from .paths import Metal, PathEnds, follow_paths
+from .paths import Media, Metal, PathEnds, follow_paths
 
 RAYS = {"reflected": Ray.GLOSSY, "refracted": Ray.TRANSMISSION}
 BOUNCES = {"reflected": "glossy", "refracted": "transmission"}
@@ -37,7 +36,7 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
     pixels = {lobe: (color.max(-1) > LEAST_COLOR[lobe]) & (guides.hit_triangle >= 0) for lobe, color in colors.items()}
     if not any(mask.any() for mask in pixels.values()):
         return guides
-    rays, most, fog = scene_rays(scene), scene.most_bounces, fog_of(scene, reach=math.inf)
+    rays, most, media = scene_rays(scene), scene.most_bounces, _media(scene)
     fields = {}
     for lobe, mask in pixels.items():
         if not mask.any() or not min(most[BOUNCES[lobe]], most["all"]):
@@ -49,7 +48,7 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
 
         def follow(rows: np.ndarray, columns: np.ndarray, lobe=lobe, cast=everything.closest, solid=solid) -> PathEnds:
             start = _first_segments(lobe, guides, scene, view, rows, columns)
-            return follow_paths(scene, cast, *start, solid, lobe != "reflected", fog and fog.along)
+            return follow_paths(scene, cast, *start, solid, lobe != "reflected", media)
 
         chunks = [(rows[first:first + CHUNK], columns[first:first + CHUNK]) for first in range(0, len(rows), CHUNK)]
         with part(0.0, 1.0, "Tracing mirrors and glass"):
@@ -66,6 +65,14 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
             filled = picture[::step, ::step].repeat(step, 0).repeat(step, 1)[:mask.shape[0], :mask.shape[1]]
             fields[name] = np.where(mask[..., None], filled, 0)
     return replace(guides, **fields)
+
+
+def _media(scene: RenderScene) -> Media | None:
+    """What dims light along paths; None where nothing does."""
+    if scene.volumes is None or not len(scene.volumes):
+        return None
+    from ..media.transmittance import fog_of  # PyTorch, which takes seconds to import
+    return fog_of(scene, reach=math.inf).along
 
 
 def _first_segments(lobe: str, guides: Guides, scene: RenderScene, view: View, rows: np.ndarray,

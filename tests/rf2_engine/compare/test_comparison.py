@@ -255,10 +255,14 @@ def test_one_picture_alone_offers_a_reference(settings, two_slots):
     settings.a.pass_name = settings.b.pass_name = ""
     bpy.ops.render.render()
     comparison.read()
-    assert comparison.has_one_picture and comparison.message.startswith("A and B are the same picture") and offered()
+    assert comparison.has_one_picture and offered()
+    assert comparison.message.startswith("A and B are the same picture: use Render Cycles Reference")
     assert bpy.ops.renderformer_v2.render_reference() and two_slots.renderformer_v2.reference.use
     comparison.read()
     assert comparison.b.name == "Slot 2, ViewLayer, Cycles Reference" and not comparison.has_one_picture
+    settings.a.pass_name = "Cycles Reference"
+    comparison.read()
+    assert comparison.message.startswith("A and B are the same picture: choose another")  # there is a reference
     two_slots.render.engine = "CYCLES"
     assert not offered() and not bpy.ops.renderformer_v2.render_reference.poll()
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Whatever a user gets wrong: a message that names it, and never a traceback or a silent black frame."""
 import json
+import types
 
 import bpy
 import numpy as np
@@ -8,11 +9,15 @@ import pytest
 
 import addon_utils
 from bl_ext.user_default.renderformer_v2.model.weights import checkpoint, presets
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_picture, preflight
+from bl_ext.user_default.renderformer_v2.rf2_engine.panels import render_settings
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.last_render import last_frame
-from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import model_cache
+from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import device, model_cache
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import packages
 
+from tests.described_cards import describe
 from tests.rf2_engine.f12 import cube, mesh_object, press_f12, sun
+from tests.rf2_engine.layout import Layout
 
 NAN = float("nan")
 SMALL = json.dumps(checkpoint.FORMAT | {"model_config": presets.rf2_small().to_dict()})
@@ -201,10 +206,19 @@ def test_missing_packages_come_with_instructions(scene, tmp_path, monkeypatch):
     expect_error(scene, tmp_path, "torch_that_is_not_there", "Install Packages", "pip install")
 
 
-def test_device_that_is_not_there(scene, tmp_path):
+@pytest.mark.parametrize("chosen, name", [("cuda", "CUDA"), ("mps", "Metal")])
+def test_a_device_that_is_not_there_is_refused_before_anything_is_traced(scene, tmp_path, monkeypatch, chosen, name):
     import torch
-    if torch.backends.mps.is_available():
-        pytest.skip("this machine has Metal")
+    describe(monkeypatch, driver=0)
+    monkeypatch.setattr(torch.backends.mps, "is_available", lambda: False)
+    monkeypatch.setattr(device, "_answers", {})
+    monkeypatch.setattr(first_picture, "show", lambda *_: pytest.fail("the scene is being read"))
     cube(scene)
-    scene.renderformer_v2.device = "mps"
-    expect_error(scene, tmp_path, "Metal")
+    scene.renderformer_v2.device = chosen
+    expected = f"Device is {name}, but PyTorch finds no GPU for it: set Device to Automatic or CPU"
+    expect_error(scene, tmp_path, expected)
+    assert preflight.run(bpy.context.evaluated_depsgraph_get(), lambda *_: None).error == expected
+    layout = Layout()
+    panel = types.SimpleNamespace(split_layout=lambda: layout)
+    render_settings.RENDERFORMER_PT_settings.draw(panel, types.SimpleNamespace(scene=scene))
+    assert expected in " ".join(layout.texts)

@@ -3,11 +3,12 @@
 import bpy
 import pytest
 
+from bl_ext.user_default.renderformer_v2.rf2_engine import compat
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import reference
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import checks, reference
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame.checks import report_ignored_settings
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame.render import summarize_lost
-from bl_ext.user_default.renderformer_v2.rf2_engine.settings import light_passes
+from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings, light_passes
 
 from tests.rf2_engine.f12 import cube, sun
 
@@ -68,6 +69,15 @@ def test_the_popup_names_what_the_picture_lacks():
         report.refused(name, "its transform is infinite")
     assert summarize_lost(report.entries) == (
         "Fog is left out of the picture, Tree, Leaf, Rock and 1 more have data that cannot be used")
+
+
+def test_without_a_denoiser_the_setting_to_raise_is_called_by_its_name(scene, monkeypatch):
+    monkeypatch.setattr(compat, "has_openimagedenoise", lambda: False)
+    report, scene.renderformer_v2.light = Report(), "TRACED"
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    checks.check(depsgraph, FrameSettings.read(depsgraph.scene_eval), report)
+    label = scene.renderformer_v2.bl_rna.properties["guide_samples"].name
+    assert any(f"raise {label}, or set Light" in line for line in report.lines())
 
 
 def test_ordinary_subdivision_needs_no_line(scene, lines):

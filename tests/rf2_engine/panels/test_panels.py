@@ -70,6 +70,54 @@ def test_labels_are_in_blenders_column(scene, name):
     assert layout.use_property_split is not False
 
 
+@pytest.mark.parametrize("size, changes, acts", [
+    (512, {}, False), (128, {}, True), (512, {"guide_samples": 32}, True), (128, {"light": "NETWORK"}, False),
+    (512, {"shutter_samples": 3}, True)])  # the whole blurred picture has 8 samples for each moment
+def test_noise_threshold_is_greyed_out_where_it_cannot_act(scene, size, changes, acts):
+    scene.renderformer_v2.guide_samples, scene.renderformer_v2.use_adaptive_sampling = 0, True
+    scene.render.resolution_x = scene.render.resolution_y = size
+    scene.render.use_motion_blur = "shutter_samples" in changes
+    for name, value in changes.items():
+        setattr(scene.renderformer_v2, name, value)
+    layouts = []
+
+    class Part(Layout):
+        def __init__(self):
+            super().__init__()
+            layouts.append(self)
+
+        def row(self, **_):
+            return Part()
+
+        column = row
+
+    panel = panels()["RENDERFORMER_PT_sampling"]
+    panel.draw(types.SimpleNamespace(split_layout=Part),
+               types.SimpleNamespace(scene=scene, view_layer=scene.view_layers[0]))
+    active = {name: layout.active for layout in layouts for name in layout.shown}
+    assert active["guide_samples"] and active["use_adaptive_sampling"] == acts == active["adaptive_min_samples"]
+
+
+def test_automatic_threads_show_how_many_blender_takes(scene):
+    panel, shown = panels()["RENDERFORMER_PT_performance"], []
+
+    class Recorder(Layout):
+        def prop(self, data, name, **options):
+            super().prop(data, name, **options)
+            shown.append((name, getattr(data, name), self.enabled))
+
+    def threads():
+        shown.clear()
+        context = types.SimpleNamespace(scene=scene)
+        panel.draw(types.SimpleNamespace(split_layout=Recorder), context)
+        return next((value, enabled) for name, value, enabled in shown if name == "threads")
+
+    scene.render.threads_mode, scene.render.threads = "FIXED", 3
+    assert threads() == (3, False)
+    scene.renderformer_v2.threads_mode, scene.renderformer_v2.threads = "FIXED", 5
+    assert threads() == (5, True)
+
+
 def test_passes_that_cannot_be_given_are_named(scene):
     light = panels()["RENDERFORMER_PT_passes_light"]
     assert not drawn(scene, light).texts

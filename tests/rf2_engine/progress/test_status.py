@@ -5,6 +5,7 @@ import re
 import time
 from ctypes import addressof, create_string_buffer
 from functools import partialmethod
+from types import SimpleNamespace
 
 import bpy
 import pytest
@@ -81,6 +82,22 @@ def test_memory_counts_what_python_packages_hold():
         block.write(bytes(200 << 20))
         now, most = memory.measure()
     assert now - before > 150 and most >= now
+
+
+def test_the_peak_is_that_of_this_render_with_all_its_view_layers(monkeypatch):
+    shown, measured = [], iter([(800.0, 5004.0), (900.0, 5004.0), (850.0, 5004.0), (850.0, 5004.0), (860.0, 5004.0),
+                                (870.0, 5100.0)])
+    engine = SimpleNamespace(test_break=lambda: False, update_stats=lambda *_: None, update_progress=lambda _: None,
+                             update_memory_stats=lambda memory_used, memory_peak: shown.append(memory_peak))
+    monkeypatch.setattr(memory, "measure", lambda: next(measured))
+    monkeypatch.setattr(estimate, "frame", estimate.Frame())
+    first = Status(engine)
+    first("Camera rays", 0.0)
+    assert first.memory_added == 100 and shown == [900]  # 5004 were an earlier render's
+    second = Status(engine, "Second")
+    second("Camera rays", 0.0)
+    second("Network", 0.5)
+    assert shown == [900, 900, 5100]  # the process has never used more: that is now
 
 
 @pytest.fixture

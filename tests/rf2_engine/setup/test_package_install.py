@@ -214,6 +214,19 @@ def test_a_full_disk_promises_what_is_kept():
         assert "disk is full (packages that are complete are kept" in line
 
 
+def test_a_certificate_that_is_not_trusted_is_the_reason_that_is_given():
+    log = ("Could not fetch URL https://pypi.org/simple/tiny/: There was a problem confirming the ssl certificate: "
+           "HTTPSConnectionPool(host='pypi.org', port=443): Max retries exceeded with url: /simple/tiny/ (Caused by "
+           "SSLError(SSLCertVerificationError(1, '[SSL: CERTIFICATE_VERIFY_FAILED] certificate verify failed: "
+           "self-signed certificate in certificate chain (_ssl.c:1006)'))) - skipping\n"
+           "ERROR: No matching distribution found for tiny==1\n")
+    code = ("import sys; sys.path.append(sys.argv[1]); import pip_download; from wheels import Wheel;"
+            "print(pip_download.explain_failure(Wheel('tiny', '1', (), 1, 1), sys.argv[2]))")
+    done = subprocess.run([sys.executable, "-c", code, SETUP, log], capture_output=True, text=True, check=True)
+    assert "certificate that this computer does not trust" in done.stdout and "PIP_CERT" in done.stdout
+    assert "No matching distribution" not in done.stdout
+
+
 def test_too_little_space_is_known_before(index, target, monkeypatch):
     pins = index.pins()
     for pin in pins["wheels"].values():
