@@ -83,7 +83,9 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     with part(0.0, 0.02):
         separation = Separation(*(x.permute(2, 0, 1) for x in (surfaces.position, surfaces.normal)),
                                 surfaces.is_covered[..., 0], direct.occluders) if effort.walls else None
-    probes = make_probes(surfaces.raised, surfaces.normal, surfaces.is_covered, separation=separation)
+    rise = surfaces.rise
+    raised = surfaces.position + rise * surfaces.normal
+    probes = make_probes(raised, surfaces.normal, surfaces.is_covered, separation=separation)
     outgoing = partial(outgoing_radiance, radiosity, direct if with_direct else None, effort)
     with part(0.02, 0.3):
         bounced, sky, fire = diffuse_bounces(radiosity, probes, filters, effort, with_direct)
@@ -93,11 +95,13 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
         passes = surfaces.transmission.amax(-1, keepdim=True) > 0
         if surfaces.translucent is not None:
             passes |= surfaces.translucent > 0
-        behind = probes.interpolate(lambda x, n, number: outgoing(x, -n, number), filters=filters, where=passes)
+        behind = probes.interpolate(lambda x, n, number, rise: outgoing(x - 2 * rise * n, -n, number), rise,
+                                    filters=filters, where=passes)
         with_chains = bounced
         if surfaces.translucent is not None:
-            through = probes.interpolate(lambda x, n, number: radiosity.behind(x, -n, number, effort), filters=filters,
-                                         where=surfaces.translucent > 0)
+            through = probes.interpolate(
+                lambda x, n, number, rise: radiosity.behind(x - 2 * rise * n, -n, number, effort), rise,
+                filters=filters, where=surfaces.translucent > 0)
             with_chains, bounced = (torch.lerp(bounced, through[kind], surfaces.translucent)
                                     for kind in ("all", "bounced" if is_traced else "all"))
     with part(0.5, 0.6):

@@ -68,14 +68,13 @@ class HitSurfaces:
                    None if scene.group is None or not len(scene) else scene.group[guides.hit_triangle.clip(0)])
 
     @property
-    def raised(self) -> Tensor:
-        """(h, W, 3) positions off the surface, from which rays start."""
-        if self.rays.shape[1] < 2:
-            return self.position
+    def rise(self) -> Tensor:
+        """(h, W, 1) distance off the surface at which rays start, on either side."""
         distance = (self.position - self.origin).norm(dim=-1, keepdim=True)
+        if self.rays.shape[1] < 2:
+            return torch.zeros_like(distance)
         origins, rays = (torch.diff(x.expand_as(self.rays)[:, :2], dim=1) for x in (self.origin, self.rays))
-        pixel = (origins + distance * rays).norm(dim=-1, keepdim=True)
-        return self.position + RAISED * pixel * self.normal
+        return RAISED * (origins + distance * rays).norm(dim=-1, keepdim=True)
 
     @property
     def is_covered(self) -> Tensor:
