@@ -31,6 +31,8 @@ class Cutouts:
         if ray is Ray.SHADOW:
             passed = scene.seldom("shadow_tile")
             rows = np.union1d(rows, np.flatnonzero(passed[scene.surfaces.token] >= 0))
+        if not len(rows):
+            return None
         tile = np.where(passed < 0, scene.tile_index, passed)[scene.surfaces.token[rows]]
         tint = tile_tints(scene)[tile]
         dims = (tint < CLEAR).any(axis=1)
