@@ -135,5 +135,5 @@ def test_what_the_machine_lacks_is_refused_with_advice(arguments):
         import torch
         if torch.cuda.is_available():
             pytest.skip("this machine has CUDA")
-    with pytest.raises(ValueError, match="choose"):
+    with pytest.raises(ValueError, match="set Device|choose"):
         Renderer(**arguments)
