@@ -120,9 +120,9 @@ class SkyVisibility:
         direction = cosine_directions(n, rays, start)
         ray = (x + LIFT * n)[:, None].expand_as(direction).reshape(-1, 3), direction.reshape(-1, 3)
         visible = (~self.occluders.is_blocked(*ray)).view(-1, rays, 1).to(x.dtype)
-        if self.fog is not None:
-            visible = visible * self.fog.transmittance(x[:, None], x[:, None] + FOG_REACH * direction)
         if self.cutouts is not None:
             distance = torch.where(visible > 0, torch.inf, 0.0).flatten()
             visible = visible * self.cutouts.transmittance(*ray, distance).view_as(direction)
+        if self.fog is not None:
+            visible = visible * self.fog.transmittance(x[:, None], x[:, None] + FOG_REACH * direction)
         return self.environment.visible_share(direction, visible)

@@ -9,7 +9,7 @@ import torch
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
 from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.media.transmittance import Fog
-from renderformer_v2.model.scene import Volumes
+from renderformer_v2.model.scene import Volumes, constant_tile
 from tests.model.samples import floor_scene
 
 UP = torch.tensor([[0.0, 0.0, 1.0]])
@@ -45,6 +45,18 @@ def test_coloured_media_take_each_colour_by_its_own_share_at_any_distance():
     begin, along = np.float32([(-0.5, 0, 0), (-40, 0, 0)]), np.float32([(1, 0, 0)] * 2)
     shares = fog.along(begin, along, np.float32((0.8, np.inf)))
     np.testing.assert_allclose(shares, np.exp(-absorption * np.float32([[0.8], [2]])), atol=0.03)
+
+
+def test_a_coloured_pane_within_coloured_media_takes_its_share_of_what_they_leave():
+    color = np.float32((0.9, 0.5, 0.1))
+    murky = replace(floor_scene(side=3), volumes=box(absorption=np.float32((0.1, 0.6, 1.2))))
+    murky.environment = np.ones((4, 8, 3), np.float32)
+    pane = floor_scene(side=1)
+    pane.triangles[:] = pane.triangles * np.float32((50, 50, 0)) + np.float32((0, 0, 0.5))
+    pane.emission[:], pane.tiles[:] = 0, constant_tile(color ** 2, roughness=0.0, transmission=1.0)
+    without, found = (DirectLight(scene).visibility(torch.zeros(1, 3), UP) for scene in (murky, murky.appended(pane)))
+    for clear, tinted in zip(without, found):
+        np.testing.assert_allclose(tinted / clear, [color], rtol=0.02)
 
 
 def test_a_flat_box_lies_where_it_was_turned_to():
