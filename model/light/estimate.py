@@ -26,7 +26,7 @@ from .direct.pixels import direct_light
 from .edges import find_edges
 from .effort import FULL, Effort
 from .hit_surfaces import HitSurfaces, tensors_on
-from .probes import SMOOTH, Probes, probe_grid
+from .probes import SMOOTH, ComputeLight, Probes, probe_grid
 from .separation import Separation
 from .specular.frosted import frosted
 from .specular.paths import blur
@@ -95,13 +95,11 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
         passes = surfaces.transmission.amax(-1, keepdim=True) > 0
         if surfaces.translucent is not None:
             passes |= surfaces.translucent > 0
-        behind = probes.interpolate(lambda x, n, number, rise: outgoing(x - 2 * rise * n, -n, number), rise,
-                                    filters=filters, where=passes)
+        behind = probes.interpolate(_behind(outgoing), rise, filters=filters, where=passes)
         with_chains = bounced
         if surfaces.translucent is not None:
-            through = probes.interpolate(
-                lambda x, n, number, rise: radiosity.behind(x - 2 * rise * n, -n, number, effort), rise,
-                filters=filters, where=surfaces.translucent > 0)
+            through = probes.interpolate(_behind(partial(radiosity.behind, effort=effort)), rise, filters=filters,
+                                         where=surfaces.translucent > 0)
             with_chains, bounced = (torch.lerp(bounced, through[kind], surfaces.translucent)
                                     for kind in ("all", "bounced" if is_traced else "all"))
     with part(0.5, 0.6):
@@ -139,6 +137,11 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     if not with_direct:
         return beside
     return replace(beside, direct=complete.direct + complete.indirect() - beside.indirect())
+
+
+def _behind(compute: ComputeLight) -> ComputeLight:
+    """The same on the other side of surfaces that points are raised above, by (P, 1)."""
+    return lambda x, n, number, rise: compute(x - 2 * rise * n, -n, number)
 
 
 def _unshadowed_light(light: SceneLight, view: View, guides: Guides) -> SurfaceLight:

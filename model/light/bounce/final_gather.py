@@ -48,7 +48,7 @@ class Gathered:
     def merged(self, weight: Tensor) -> Gathered:
         """Every K consecutive points as one; weight: (P / K, K), whose means are 1."""
         count, row_weight = weight.shape[1], weight.reshape(-1, 1)
-        by_ray = (self.direction, self.side, row_weight * self.share, row_weight[..., None] * self.sky, self.distance)
+        by_ray = self.direction, self.side, row_weight * self.share, row_weight[..., None] * self.sky, self.distance
         join = lambda x: x.reshape(-1, count * x.shape[1], *x.shape[2:])  # noqa: E731
         *merged, distance = map(join, by_ray)
         return Gathered(*merged, (row_weight * self.through).view(-1, count, 3).mean(1), distance,

@@ -143,7 +143,7 @@ class EmitterLight:
                      for lobe, radiance in zip(lobes, (self._to_diffuse, self._to_glossy)))
 
     def _trace_shadows(self, x: Tensor, is_lit: Tensor, direction: Tensor, start: Tensor) -> Tensor:
-        """(P, E) or (P, E, 3) share of each emitter's light that arrives at points (P, 3) by one ray.
+        """(P, E, 1) or (P, E, 3) share of each emitter's light that arrives at points (P, 3) by one ray.
 
         Where `is_lit` (P, E). direction: (3, P, E), to the emitters; start: (P, 2), where on them the rays end.
         """
@@ -152,18 +152,13 @@ class EmitterLight:
         ray = self._points_on(emitter, direction[:, point, emitter].T, start[point]) - origin * is_near
         length = ray.norm(dim=-1)
         ray, end = ray / length.clamp_min(1e-9)[:, None], length - END_GAP
-        arrives = 1.0 * ~self._is_blocked(emitter, origin, ray, end)
-        visible = torch.zeros_like(direction[0])
+        arrives = 1.0 * ~self._is_blocked(emitter, origin, ray, end)[:, None]
         if self._cutouts is not None:
-            arrives = arrives[:, None] * self._cutouts.transmittance(origin, ray, end * arrives)
-            visible = visible[..., None].expand(-1, -1, 3)
-        visible = visible.index_put((point, emitter), arrives)
+            arrives = arrives * self._cutouts.transmittance(origin, ray, end * arrives[:, 0])
+        visible = arrives.new_zeros(*is_lit.shape, arrives.shape[1]).index_put((point, emitter), arrives)
         if self.fog is None:
             return visible
-        in_fog = self.fog.transmittance(x[:, None], self.origins.renorm(2, 0, FOG_REACH))
-        if visible.ndim == 2 and in_fog.shape[-1] == 1:
-            return visible * in_fog[..., 0]
-        return in_fog * (visible if visible.ndim == 3 else visible[..., None])
+        return visible * self.fog.transmittance(x[:, None], self.origins.renorm(2, 0, FOG_REACH))
 
     def _is_blocked(self, emitter: Tensor, *rays: Tensor) -> Tensor:
         """(R,) bool of rays to emitters (R,), as TensorRays.is_blocked has them."""
@@ -339,7 +334,7 @@ class EmitterLight:
 
 
 def _arriving(weight: Tensor, visible: Tensor, radiance: Tensor) -> Tensor:
-    """(P, 3) sum of radiance (E, 3) by weights (P, E), of which a share (P, E) or (P, E, 3) arrives."""
-    if visible.ndim == 2:
-        return (weight * visible) @ radiance
+    """(P, 3) sum of radiance (E, 3) by weights (P, E), of which a share (P, E, 1) or (P, E, 3) arrives."""
+    if visible.shape[2] == 1:
+        return (weight * visible[..., 0]) @ radiance
     return torch.einsum("pe,pec,ec->pc", weight, visible, radiance)
