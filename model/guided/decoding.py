@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from ..compute.inference import is_inference
 from ..fields import Channels
 from ..light.direct.emitter_light import EMITTER, STRONGEST
 from ..light.surface_light import SurfaceLight
@@ -35,7 +36,7 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     share = raw[:, OUTPUTS["share"]].tanh() * may_bounce
     raw = raw * untraced
     direct, indirect = (raw[:, OUTPUTS[name]].unflatten(1, (3, 3)) for name in ("direct", "indirect"))
-    direct = factor(direct) if light.is_by_rays() else with_shadows(direct, raw, view)
+    direct = factor(direct) if is_inference() and light.is_by_rays() else with_shadows(direct, raw, view)
     indirect = factor(indirect)
     missing = (added(raw[:, OUTPUTS["missing"]]) * may_bounce).unflatten(1, (3, 3))
     in_media = view.surface[:, SURFACE["alpha"]] * view.has_media.view(-1, 1, 1, 1)
@@ -69,4 +70,4 @@ def visibility(raw: Tensor) -> Tensor:
 
 def added(raw: Tensor) -> Tensor:
     """Radiance, 0 for zero, and hardly less for what is negative."""
-    return F.softplus(raw + DARK) - F.softplus(raw.new_tensor(DARK))
+    return F.softplus(raw + DARK) - F.softplus(raw.new_full((), DARK))

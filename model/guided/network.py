@@ -9,12 +9,12 @@ from torch import Tensor
 
 from ..compute.inference import chunked, current_pieces, is_inference
 from ..network.config import ModelConfig
-from ..network.decoder import DPTDecoder
 from ..network.inputs import EnvironmentInputs
 from ..network.renderformer import RenderFormer, SceneContext
 from ..pictures import BAND_PIXELS, bands
 from ..progress import part
 from ..weights.checkpoint import read_network
+from .bundle_decoder import BundleDecoder
 from .decoding import OUTPUTS
 from .encoders import EnvironmentEncoder, Guidance, TileEncoder
 from .features import FEATURES, GuidedView
@@ -22,6 +22,8 @@ from .guided_inputs import GuidedInputs
 from .kernels import LATENT, KernelPredictor
 from .pixel_decoder import PixelDecoder
 from .shadows import ShadowAttention, bundle_emitters
+
+OUTPUT_CHANNELS = len(OUTPUTS) + LATENT
 
 
 class GuidedRenderFormer(RenderFormer):
@@ -34,8 +36,9 @@ class GuidedRenderFormer(RenderFormer):
         self.guidance = Guidance(config)
         self.shadows = ShadowAttention(config)
         width, coarse_width = config.guidance.pixel_decoder_width, config.guidance.pixel_decoder_coarse_width
-        self.view_transformer.out_dpt = DPTDecoder(config, out_channels=width)
-        self.pixel_decoder = PixelDecoder(len(FEATURES) + width, width, len(OUTPUTS) + LATENT, coarse_width)
+        del self.view_transformer.out_dpt
+        self.bundle_decoder = BundleDecoder(config, width + OUTPUT_CHANNELS)
+        self.pixel_decoder = PixelDecoder(len(FEATURES) + width, width, OUTPUT_CHANNELS, coarse_width)
         self.kernel_predictor = KernelPredictor(config.guidance.kernel_predictor_width)  # of finished pictures
 
     def embed_textures(self, tiles: Tensor) -> Tensor:
@@ -83,15 +86,19 @@ class GuidedRenderFormer(RenderFormer):
         return view.positions
 
     def decode(self, features: list[Tensor], view: GuidedView) -> Tensor:
-        """Four (V, D, Hg, Wg) -> (V, len(OUTPUTS) + LATENT, H, W) channels for `corrected_light` and the kernels."""
-        context = self.view_transformer.out_dpt(features)
+        """(V, D, Hg, Wg) of each layer -> (V, OUTPUT_CHANNELS, H, W) for `corrected_light` and the kernels.
+
+        Bundles give the pixel decoder a context, and where no rays were traced they also say outputs of their own.
+        """
+        has_no_rays = 1 - view.light.has_rays.view(-1, 1, 1, 1)
 
         def decode(rows: slice) -> Tensor:
-            return self.pixel_decoder(torch.cat([context[..., rows, :], view.features(rows)], 1))
+            said, context = self.bundle_decoder(features[-1], rows).tensor_split([OUTPUT_CHANNELS], 1)
+            return has_no_rays * said.float() + self.pixel_decoder(torch.cat([context, view.features(rows)], 1))
 
+        height, width = view.directions.shape[1:3]
         if not is_inference():
-            return decode(slice(None))
-        height, width = context.shape[-2:]
+            return decode(slice(0, height))
         reach = self.pixel_decoder.reach
         pixels = current_pieces().limit(max(BAND_PIXELS, 4 * reach * width))  # margins are computed twice
         return torch.cat([decode(outer)[..., inner, :] for outer, inner in bands(

@@ -99,10 +99,10 @@ def from_windows(windows: torch.Tensor, grid: tuple[int, int]) -> torch.Tensor:
 
 
 @lru_cache(maxsize=8)
-def shift_mask(grid: tuple[int, int]) -> torch.Tensor:
+def shift_mask(grid: tuple[int, int], device: torch.device | None = None) -> torch.Tensor:
     """(windows, 64, 64) bool: which tokens of a rolled grid were neighbours before the roll."""
-    rows, columns = (torch.arange(side).ge(side - WINDOW).long() + torch.arange(side).ge(side - SHIFT).long()
-                     for side in grid)
+    places = [torch.arange(side, device=device) for side in grid]
+    rows, columns = (place.ge(len(place) - WINDOW).long() + place.ge(len(place) - SHIFT).long() for place in places)
     region = to_windows((3 * rows[:, None] + columns)[None, :, :, None])[..., 0]
     return region[:, :, None] == region[:, None, :]
 
@@ -125,8 +125,8 @@ class SwinAttention(SelfAttention):
             lines = (torch.arange(begin, end, device=x.device) + shift) % height
             inputs = [to_windows(x.index_select(1, lines).roll(-shift, dims=2))]
             if shift:
-                mask = shift_mask((height, width)).unflatten(0, (height // WINDOW, -1))[begin // WINDOW:end // WINDOW]
-                inputs.append(mask.flatten(0, 1).to(x.device).repeat(views, 1, 1))
+                mask = shift_mask((height, width), x.device).unflatten(0, (height // WINDOW, -1))
+                inputs.append(mask[begin // WINDOW:end // WINDOW].flatten(0, 1).repeat(views, 1, 1))
             windows = chunked(lambda x, *mask: self._attend(norm(x), *mask), *inputs, size=WINDOWS)
             band = from_windows(windows, (end - begin, width)).roll(shift, dims=2)
             if result is None:

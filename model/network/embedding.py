@@ -69,7 +69,7 @@ class SceneEmbedding(nn.Module):
 
         def embed(triangles, normals, texture_index, light_index):
             tokens = self.embed_shape(triangles) + self.tri_token.float()[0]
-            tokens = tokens + (textures[texture_index] + lights[light_index])
+            tokens = tokens + (F.embedding(texture_index, textures) + F.embedding(light_index, lights))
             return tokens + self.embed_normals(normals)
 
         return chunked(embed, inputs.triangles, inputs.normals, inputs.texture_index, light_index)

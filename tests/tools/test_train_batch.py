@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Several scenes in one pass are what they are alone; mirrored and resized ones are those of other worlds."""
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +18,11 @@ from renderformer_v2.model.weights.presets import BUNDLED, PRESETS
 from tests.model.samples import closed_box, floor_scene, floor_view, walls
 from tools.datagen.sample_files import save_sample
 from tools.train.augment import mirrored, resized
-from tools.train.batch import batches, joined, render_batch
+from tools.train.batch import batches, embed, joined, padded_length, render_batch
+from tools.train.captured import CapturedLosses, rebuilt, tensors_of
 from tools.train.errors import TrainingError
 from tools.train.losses import structure_loss
-from tools.train.network import batch_loss, main, sample_loss
+from tools.train.network import batch_loss, embedded_loss, main, sample_loss
 from tools.train.sample_cache import _flatten
 from tools.train.samples import LOBES, LightInputs, build_sample, with_latents
 
@@ -70,7 +72,7 @@ def test_a_batch_is_rendered_as_its_scenes_are(samples):
     assert len(set(batch.length.tolist())) == len(mapped) == len(batch)
     with torch.no_grad():
         alone = torch.cat([network.render_view(network.encode_scene(s.inputs), s.view) for s in mapped])
-        together = render_batch(network, batch)
+        together = render_batch(network, embed(network, batch), batch)
     assert alone.std() > 0.01
     torch.testing.assert_close(together, alone, atol=2e-5, rtol=1e-4)
 
@@ -93,7 +95,45 @@ def test_batches_hold_views_of_one_size_and_problems_are_passed_on(tmp_path, sam
     found = list(batches([samples[0], large, samples[1], problem, samples[2], large], 2, CONFIG))
     assert [batch if batch is problem else tuple(batch.sample.image.shape) for batch in found] == [
         (2, 3, 64, 64), problem, (2, 3, 128, 128)]
-    assert torch.equal(found[0].sample.image[1], samples[1].image[0])
+    assert torch.equal(found[0].restored().sample.image[1], samples[1].image[0].half().float())
+
+
+def test_sequences_are_padded_to_the_least_length_that_fits_and_padding_changes_nothing(samples):
+    lengths = [padded_length(sample.inputs, CONFIG, (400, 160)) for sample in samples]
+    exact = [joined([sample], CONFIG).length.item() for sample in samples]
+    assert lengths == [160 if length <= 160 else 400 if length <= 400 else None for length in exact]
+    assert {160, 400} <= {*lengths} and padded_length(samples[0].inputs, CONFIG, (1,)) is None
+    network, (mapped,) = load_network(WEIGHTS), [with_latents(samples[2], load_material_mapper())]
+    pictures = []
+    for length in (None, 400):
+        batch = joined([mapped], CONFIG, length)
+        with torch.no_grad():
+            pictures.append(render_batch(network, embed(network, batch), batch))
+    assert batch.rows.shape == (1, 400)
+    torch.testing.assert_close(*pictures, atol=2e-5, rtol=1e-4)
+
+
+def test_the_tensors_of_a_batch_are_found_and_put_back(samples):
+    batch = joined(samples, CONFIG)
+    found = tensors_of(batch)
+    again = rebuilt(batch, iter([tensor + 1 for tensor in found]))
+    assert torch.equal(again.sample.view.light.direct, batch.sample.view.light.direct + 1)
+    assert [x.shape for x in tensors_of(again)] == [x.shape for x in found]
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="CUDA graphs need a card")
+def test_captured_losses_and_gradients_are_those_of_the_operations(samples):
+    network, mapper = load_network(WEIGHTS).cuda().train().requires_grad_(), load_material_mapper().cuda()
+    captured = CapturedLosses(network, partial(embedded_loss, network, perceptual=structure_loss), (400,))
+    for of_batch in (samples, samples[::-1]):  # the second one is replayed
+        batch, found = joined(of_batch, CONFIG, 400).to("cuda"), []
+        for graphs in (captured, None):
+            network.zero_grad(set_to_none=True)
+            losses = batch_loss(network, batch, mapper, structure_loss, graphs)
+            losses["total"].backward()
+            found.append((losses["total"].detach(), {n: p.grad.clone() for n, p in network.named_parameters()
+                                                     if p.grad is not None}))
+        torch.testing.assert_close(*found, atol=1e-3, rtol=1e-2)
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -140,3 +180,10 @@ def test_steps_of_no_whole_number_of_batches_are_refused(tmp_path, monkeypatch, 
                                      "--batch", "2", "--scenes-per-step", "3"])
     assert main() == 2
     assert "no whole number of batches of 2" in capsys.readouterr().err
+
+
+def test_graphs_are_refused_where_there_are_none(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["network", "--data", str(tmp_path), "--out", str(tmp_path / "out"), "--steps", "1",
+                                     "--batch", "2", "--capture", "400", "--device", "cpu"])
+    assert main() == 2
+    assert "--capture is for one process" in capsys.readouterr().err

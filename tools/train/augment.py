@@ -138,4 +138,4 @@ def turn_about_z(angle: float) -> Callable[[Tensor], Tensor]:
 
 def recolored(order: Tensor) -> Callable[[Tensor], Tensor]:
     """A function of (..., 3 n) colours: their channels in this order."""
-    return lambda x: x.unflatten(-1, (-1, 3))[..., order].flatten(-2)
+    return lambda x: x.unflatten(-1, (-1, 3)).index_select(-1, order).flatten(-2)

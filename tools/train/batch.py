@@ -6,7 +6,7 @@ count. The numbers are those of `GuidedRenderFormer`, scene by scene.
 """
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields
 
 import torch
@@ -22,6 +22,7 @@ from renderformer_v2.model.network.inputs import EnvironmentInputs
 from renderformer_v2.model.network.renderformer import arranged
 from renderformer_v2.model.tensor_group import TensorGroup, stacked
 
+from .sample_cache import stored
 from .samples import TrainingSample
 
 MULTIPLE = 8  # tokens, of a sequence's length: what attention with a mask is fast with
@@ -47,26 +48,50 @@ class Batch(TensorGroup):
     def __len__(self) -> int:
         return len(self.rows)
 
+    def stored(self) -> Batch:
+        """In half precision where prepared samples are, to be moved."""
+        return _each_field(self, stored)
 
-def batches(samples: Iterable, size: int, config: ModelConfig) -> Iterator:
+    def restored(self) -> Batch:
+        """In float32 again."""
+        return _each_field(self, lambda value, _: value.float() if value.is_floating_point() else value)
+
+
+def _each_field(group: TensorGroup, change: Callable[[Tensor, str], Tensor]) -> TensorGroup:
+    values = {f.name: getattr(group, f.name) for f in fields(group)}
+    return type(group)(**{name: change(value, name) if isinstance(value, Tensor) else
+                          None if value is None else _each_field(value, change) for name, value in values.items()})
+
+
+def batches(samples: Iterable, size: int, config: ModelConfig, lengths: tuple[int, ...] = ()) -> Iterator:
     """Of `size` samples whose views are equal in number and size, in the order in which they are complete.
 
+    They are `stored`, and have to be `restored`.
+    lengths: to which sequences are padded, those of a batch to the same; longer ones have any length.
     What is no sample, a problem that a stream yields, is passed on.
     """
-    waiting: dict[tuple[int, ...], list[TrainingSample]] = {}
+    waiting: dict[tuple, list[TrainingSample]] = {}
     for sample in samples:
         if not isinstance(sample, TrainingSample):
             yield sample
             continue
-        group = waiting.setdefault(tuple(sample.image.shape), [])
+        length = padded_length(sample.inputs, config, lengths)
+        group = waiting.setdefault((sample.image.shape, length), [])
         group.append(sample)
         if len(group) == size:
-            yield joined(group, config)
+            yield joined(group, config, length).stored()
             group.clear()
 
 
-def joined(samples: list[TrainingSample], config: ModelConfig) -> Batch:
-    """One batch of samples with views of equal number and size."""
+def padded_length(scene: GuidedInputs, config: ModelConfig, lengths: tuple[int, ...]) -> int | None:
+    """The least of `lengths` that a scene's sequence fits into."""
+    lights = len(scene.beam_axis)
+    length = config.sequence_length(lights, len(scene.triangles) - lights + _cells(scene))
+    return min((most for most in lengths if most >= length), default=None)
+
+
+def joined(samples: list[TrainingSample], config: ModelConfig, padded: int | None = None) -> Batch:
+    """One batch of samples with views of equal number and size, whose sequences are `padded` to a length."""
     inputs = [sample.inputs for sample in samples]
     registers, block = config.num_register_tokens, config.summary_block_size
     grid = 2 * ENVIRONMENT_GRID[0] * ENVIRONMENT_GRID[1]  # LDR and HDR
@@ -91,7 +116,8 @@ def joined(samples: list[TrainingSample], config: ModelConfig) -> Batch:
         sinks.append(first if config.sinks else 0)
         triangle, cell, summary = triangle + len(scene.triangles), cell + _cells(scene), summary + count
     length = torch.tensor([len(row) for row in rows])
-    padding = -int(length.max()) % MULTIPLE
+    longest = int(length.max())
+    padding = -longest % MULTIPLE if padded is None else padded - longest
     views = {f.name: torch.cat([getattr(sample, f.name) for sample in samples])
              for f in fields(TrainingSample) if f.name not in ("inputs", "view")}
     return Batch(TrainingSample(_joined_inputs(inputs), stacked([sample.view for sample in samples]), **views),
@@ -123,10 +149,10 @@ def _joined_inputs(inputs: list[GuidedInputs]) -> GuidedInputs:
                         volumes=stacked(volumes) if volumes else None)
 
 
-def render_batch(model: GuidedRenderFormer, batch: Batch) -> Tensor:
-    """`render_view(encode_scene(...))` of every scene: (B V, C, H, W), what the network's `decode` returns."""
-    tokens = spread_light(model, embed(model, batch), batch)
-    return gather_light(model, tokens, batch)
+def render_batch(model: GuidedRenderFormer, tokens: Tensor, batch: Batch) -> Tensor:
+    """`render_view(encode_scene(...))` of every scene, whose tokens `embed` made: (B V, C, H, W), what the network's
+    `decode` returns."""
+    return gather_light(model, spread_light(model, tokens, batch), batch)
 
 
 def embed(model: GuidedRenderFormer, batch: Batch) -> Tensor:

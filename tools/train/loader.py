@@ -163,24 +163,25 @@ def light_inputs_of(path: Path, rays: float) -> LightInputs:
 class BatchStream(IterableDataset):
     """The batches of a stream."""
 
-    def __init__(self, samples: SampleStream, size: int, config: ModelConfig):
-        self.samples, self.size, self.config = samples, size, config
+    def __init__(self, samples: SampleStream, size: int, config: ModelConfig, lengths: tuple[int, ...] = ()):
+        self.samples, self.size, self.config, self.lengths = samples, size, config, lengths
 
     def __iter__(self) -> Iterator[Batch | TrainingError]:
-        return batches(self.samples, self.size, self.config)
+        return batches(self.samples, self.size, self.config, self.lengths)
 
 
 def stream(folder: Path, cache: Path, mapper, stage: Stage, seed: tuple[int, int], patience: float,
-           workers: int = 1, batch: tuple[int, ModelConfig] | None = None) -> Iterator[TrainingSample | Batch]:
-    """This process's share of a folder, for the guided network; in batches of so many scenes, for this network, if
-    `batch` says so. Raises TrainingError as `shared_stream` does."""
+           workers: int = 1,
+           batch: tuple[int, ModelConfig, tuple[int, ...]] | None = None) -> Iterator[TrainingSample | Batch]:
+    """This process's share of a folder, for the guided network; in batches of so many scenes, for this network, with
+    sequences padded to these lengths, if `batch` says so. Raises TrainingError as `shared_stream` does."""
     cache.mkdir(parents=True, exist_ok=True)
     return shared_stream(folder, Prepared(cache, mapper, stage), stage, seed, patience, workers, batch)
 
 
 def shared_stream(folder: Path, read: Callable[[Path, torch.Generator], TensorGroup], stage: Stage,
                   seed: tuple[int, int], patience: float, workers: int,
-                  batch: tuple[int, ModelConfig] | None = None) -> Iterator[TensorGroup]:
+                  batch: tuple[int, ModelConfig, tuple[int, ...]] | None = None) -> Iterator[TensorGroup]:
     """This process's share of a folder, `read` by `workers` other ones. Raises TrainingError without any of use."""
     if not folder.is_dir():
         raise TrainingError(f"there is no folder {folder}: check --data, "

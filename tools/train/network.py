@@ -11,6 +11,7 @@ import argparse
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -23,7 +24,9 @@ from renderformer_v2.model.material.mappers import load_material_mapper
 from renderformer_v2.model.weights.checkpoint import save_network
 from tools.common.console import whole_number
 
-from .batch import Batch, render_batch
+from . import ranks
+from .batch import Batch, embed, render_batch
+from .captured import CapturedLosses
 from .config import Stage, TrainConfig, iterate_stages
 from .errors import TrainingError
 from .loader import stream
@@ -33,7 +36,6 @@ from .samples import TrainingSample, with_latents
 from .state import TrainingState
 
 BEFORE_KERNELS = 0.2  # weight of the loss of pictures before the kernels
-DIFFUSE_ALONE = torch.tensor([1.0, 0.0, 0.0]).view(1, 3, 1, 1, 1)
 
 
 def sample_loss(model: GuidedRenderFormer, sample: TrainingSample, perceptual) -> dict[str, torch.Tensor]:
@@ -41,10 +43,19 @@ def sample_loss(model: GuidedRenderFormer, sample: TrainingSample, perceptual) -
     return picture_losses(model, model.render_view(model.encode_scene(sample.inputs), sample.view), sample, perceptual)
 
 
-def batch_loss(model: GuidedRenderFormer, batch: Batch, mapper, perceptual) -> dict[str, torch.Tensor]:
+def batch_loss(model: GuidedRenderFormer, batch: Batch, mapper, perceptual,
+               captured: CapturedLosses | None = None) -> dict[str, torch.Tensor]:
     """`sample_loss` of all views of a batch, whose materials are mapped here, where a card does it."""
+    batch = batch.restored()
     batch = replace(batch, sample=with_latents(batch.sample, mapper))
-    return picture_losses(model, render_batch(model, batch), batch.sample, perceptual)
+    tokens = embed(model, batch)
+    return embedded_loss(model, tokens, batch, perceptual) if captured is None else captured(tokens, batch)
+
+
+def embedded_loss(model: GuidedRenderFormer, tokens: torch.Tensor, batch: Batch,
+                  perceptual) -> dict[str, torch.Tensor]:
+    """The same where the scenes' tokens are embedded already."""
+    return picture_losses(model, render_batch(model, tokens, batch), batch.sample, perceptual)
 
 
 def picture_losses(model: GuidedRenderFormer, decoded: torch.Tensor, sample: TrainingSample,
@@ -57,7 +68,8 @@ def picture_losses(model: GuidedRenderFormer, decoded: torch.Tensor, sample: Tra
     finished = antialiased_views(model.kernel_predictor, radiance, view, latent)
     # Traced light contains the indirect light of the specular lobes in part, and never that of the diffuse lobe.
     is_traced = light.is_traced.view(-1, 1, 1, 1, 1) > 0
-    untraced = light.albedo * torch.where(is_traced, DIFFUSE_ALONE.to(light.albedo), 1.0)
+    is_specular = torch.arange(3, device=light.albedo.device).view(1, 3, 1, 1, 1) > 0
+    untraced = light.albedo * ~(is_traced & is_specular)
     losses = {"finished": image_loss(finished, sample.finished, perceptual),
               "image": BEFORE_KERNELS * image_loss(radiance, sample.image, perceptual),
               "direct": lobe_loss(light.direct, sample.direct, light.albedo * ~is_traced),
@@ -68,23 +80,28 @@ def picture_losses(model: GuidedRenderFormer, decoded: torch.Tensor, sample: Tra
 def train(options: argparse.Namespace, config: TrainConfig) -> None:
     """Raises TrainingError when there is nothing to train with, or when training has gone wrong."""
     device = torch.device(options.device)
+    if options.capture and (device.type != "cuda" or options.batch == 1 or ranks.count() > 1):
+        raise TrainingError("--capture is for one process with --batch on a CUDA device: leave it out")
     torch.manual_seed(options.seed)
     model = new_network(config.model()).to(device).train()
     config.train(model)
     if options.start:
         start_from(model, options.start)
-    state = TrainingState(model, config.learning_rate, config.weight_decay, config.average_decay)
+    state = TrainingState(model, config.learning_rate, config.weight_decay, config.average_decay, config.muon,
+                          config.muon_rate)
     perceptual = perceptual_term(device)
     mapper = load_material_mapper()
-    is_batched = options.batch > 1
+    is_batched, lengths = options.batch > 1, tuple(options.capture)
+    captured = CapturedLosses(model, partial(embedded_loss, model, perceptual=perceptual), lengths) if lengths else None
 
     def scenes(stage: Stage) -> Iterator[TrainingSample | Batch]:
+        batch = (options.batch, model.config, lengths) if is_batched else None
         return stream(options.data, options.cache, None if is_batched else mapper, stage, (options.seed, state.step),
-                      options.wait * 60, options.workers, (options.batch, model.config) if is_batched else None)
+                      options.wait * 60, options.workers, batch)
 
     def losses(sample: TrainingSample | Batch) -> dict[str, torch.Tensor]:
         if is_batched:
-            return batch_loss(model, sample, mapper, perceptual)
+            return batch_loss(model, sample, mapper, perceptual, captured)
         return sample_loss(model, sample, perceptual)
 
     mapper = mapper.to(device) if is_batched else mapper
@@ -131,6 +148,9 @@ def main() -> int:
     parser.add_argument("--start", type=Path, metavar="WEIGHTS_DIR", help="begin with these weights: fine-tuning")
     parser.add_argument("--batch", type=whole_number(1), default=1, metavar="N",
                         help="scenes that are computed together, which is what cards are fast with (default 1)")
+    parser.add_argument("--capture", type=whole_number(1), nargs="+", default=(), metavar="LENGTH",
+                        help="with --batch: pad sequences of tokens to the least of these lengths, and compute them as "
+                             "CUDA graphs (longer ones as they are)")
     parser.add_argument("--wait", type=float, default=5.0, help="minutes, for samples where there are none of use yet")
     add_arguments(parser, "rf2_small.json")
     options = parser.parse_args()

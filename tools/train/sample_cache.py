@@ -28,27 +28,27 @@ PUBLISHED = ("model/*.py", "model/material/*.py", "model/network/inputs.py", "mo
 EXACT = "triangles", "texture_index", "origin", "position", "positions", "light", "exposure"
 
 
-def load_or_make(stored: Path, key: str, make: Callable[[], object], kinds: dict[str, type]):
-    """The group of tensors in the file `stored`, which is made first unless it is there with this key.
+def load_or_make(file: Path, key: str, make: Callable[[], object], kinds: dict[str, type]):
+    """The group of tensors in `file`, which is made first unless it is there with this key.
 
     kinds: the classes of its inner groups by their names, and its own as "". Floats are rounded to float16 and back.
     """
-    make_if_missing(stored, key, make)
-    return _unflatten(load_file(stored), kinds, "")
+    make_if_missing(file, key, make)
+    return _unflatten(load_file(file), kinds, "")
 
 
-def make_if_missing(stored: Path, key: str, make: Callable[[], object]) -> None:
+def make_if_missing(file: Path, key: str, make: Callable[[], object]) -> None:
     """As `load_or_make`, without reading the file."""
-    if not is_current(stored, key):
-        temporary = stored.with_suffix(f".{os.getpid()}.tmp")
+    if not is_current(file, key):
+        temporary = file.with_suffix(f".{os.getpid()}.tmp")
         save_file(_flatten(make()), temporary, metadata={"key": key})
-        temporary.replace(stored)
+        temporary.replace(file)
 
 
-def is_current(stored: Path, key: str) -> bool:
+def is_current(file: Path, key: str) -> bool:
     try:
-        with safe_open(stored, "pt") as file:
-            return file.metadata().get("key") == key
+        with safe_open(file, "pt") as opened:
+            return opened.metadata().get("key") == key
     except (OSError, SafetensorError):  # not there, or cut short
         return False
 
@@ -74,13 +74,18 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
+def stored(value: Tensor, name: str) -> Tensor:
+    """A field's tensor in half precision, if that is exact enough for it."""
+    half = value.is_floating_point() and name not in EXACT
+    return value.clamp(-HALF_MAX, HALF_MAX).half() if half else value
+
+
 def _flatten(part, prefix: str = "") -> dict[str, Tensor]:
     flat = {}
     for f in fields(part):
         value = getattr(part, f.name)
         if isinstance(value, Tensor):
-            half = value.is_floating_point() and f.name not in EXACT
-            flat[prefix + f.name] = (value.clamp(-HALF_MAX, HALF_MAX).half() if half else value).contiguous()
+            flat[prefix + f.name] = stored(value, f.name).contiguous()
         elif value is not None:
             flat |= _flatten(value, f"{prefix}{f.name}.")
     return flat

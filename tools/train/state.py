@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The state of a training as one safetensors file: weights, their running average, AdamW's moments, the step.
+"""The state of a training as one safetensors file: weights, their running average, the optimisers' moments, the step.
 
 The file before the newest is kept beside it, and a run goes on from that one when the newest is damaged.
 """
@@ -13,21 +13,34 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from .errors import TrainingError
+from .muon import Muon
 
-OF_ADAMW = ("step", "exp_avg", "exp_avg_sq")  # of each parameter: one without gradients is not stepped
+# Of each parameter, by AdamW or Muon; one without gradients is not stepped.
+MOMENTS = ("step", "exp_avg", "exp_avg_sq", "momentum_buffer")
 MOST_SKIPPED = 20                             # steps in a row
 DAMAGED = (SafetensorError, OSError, ValueError, KeyError, TypeError)  # what unreadable files raise
 
 
 class TrainingState:
-    def __init__(self, model: nn.Module, learning_rate: float, weight_decay: float, average_decay: float):
+    """muon: how the names of the layers begin whose matrices Muon updates, `muon_rate` times as fast as AdamW all else.
+    """
+
+    def __init__(self, model: nn.Module, learning_rate: float, weight_decay: float, average_decay: float,
+                 muon: tuple[str, ...] = (), muon_rate: float = 1.0):
         self.model, self.step, self.decay = model, 0, average_decay
         self.skipped = self._skipped_in_a_row = 0
-        matrices = [p for p in model.parameters() if p.requires_grad and p.ndim > 1]
-        vectors = [p for p in model.parameters() if p.requires_grad and p.ndim <= 1]
-        self.optimizer = torch.optim.AdamW(
+        trained = {name: p for name, p in model.named_parameters() if p.requires_grad}
+        hidden = {name: p for name, p in trained.items() if p.ndim == 2 and name.startswith(tuple(muon))}
+        others = [p for name, p in trained.items() if name not in hidden]
+        matrices, vectors = [p for p in others if p.ndim > 1], [p for p in others if p.ndim <= 1]
+        self.optimizers = [torch.optim.AdamW(
             [{"params": matrices, "weight_decay": weight_decay}, {"params": vectors, "weight_decay": 0.0}],
-            lr=learning_rate, betas=(0.9, 0.98), fused=True)
+            lr=learning_rate, betas=(0.9, 0.98), fused=True)]
+        if hidden:
+            self.optimizers.append(Muon(hidden.values(), learning_rate, weight_decay))
+        self.rates = 1.0, muon_rate
+        self.optimizer_of = {p: optimizer for optimizer in self.optimizers for group in optimizer.param_groups
+                             for p in group["params"]}
         self.average = {name: p.detach().clone() for name, p in model.named_parameters()}
 
     def advance(self, learning_rate: float, clip_norm: float) -> bool:
@@ -38,16 +51,17 @@ class TrainingState:
         """
         norm = nn.utils.clip_grad_norm_(self.model.parameters(), clip_norm)
         if norm.isfinite():
-            for group in self.optimizer.param_groups:
-                group["lr"] = learning_rate
-            self.optimizer.step()
+            for optimizer, rate in zip(self.optimizers, self.rates):
+                for group in optimizer.param_groups:
+                    group["lr"] = rate * learning_rate
+                optimizer.step()
             self.step += 1
             self._update_average()
             self._skipped_in_a_row = 0
         else:
             self.skipped += 1
             self._skipped_in_a_row += 1
-        self.optimizer.zero_grad(set_to_none=True)
+        self.model.zero_grad(set_to_none=True)
         if self._skipped_in_a_row >= MOST_SKIPPED:
             raise TrainingError(f"the gradients of {MOST_SKIPPED} steps in a row, after step {self.step}, are not "
                                 "finite: lower learning_rate or clip_norm, or look for broken samples")
@@ -57,17 +71,15 @@ class TrainingState:
         """Exponential running average with a shorter memory at the start."""
         decay = min(self.decay, (1 + self.step) / (10 + self.step))
         with torch.no_grad():
-            for name, p in self.model.named_parameters():
-                self.average[name].lerp_(p.to(self.average[name].dtype), 1 - decay)
+            torch._foreach_lerp_(list(self.average.values()), list(self.model.parameters()), 1 - decay)
 
     def save(self, path: Path) -> None:
         """Replace `path`, which becomes `backup(path)`. Raises TrainingError if a value is not finite."""
         tensors = {}
         for name, p in self.model.named_parameters():
             tensors[f"model.{name}"], tensors[f"average.{name}"] = p.detach(), self.average[name]
-            for value in OF_ADAMW:
-                if p in self.optimizer.state:
-                    tensors[f"{value}.{name}"] = self.optimizer.state[p][value]
+            moments = self._moments(p)
+            tensors |= {f"{value}.{name}": moments[value] for value in MOMENTS if value in moments}
         if wrong := _not_finite(tensors):
             raise TrainingError(f"{wrong} is no longer finite at step {self.step}, which is not saved: "
                                 "lower learning_rate and run again to go on from the last save")
@@ -98,6 +110,9 @@ class TrainingState:
                                 "restore one of them, or delete them to start again")
         return False
 
+    def _moments(self, p: nn.Parameter) -> dict[str, Tensor]:
+        return self.optimizer_of[p].state.get(p, {}) if p in self.optimizer_of else {}
+
     def _take(self, path: Path, step: int, tensors: dict[str, Tensor]) -> None:
         stored = {name: tensor.shape for name, tensor in tensors.items() if name.startswith(("model.", "average."))}
         if stored != {f"{kind}.{name}": p.shape for kind in ("model", "average")
@@ -109,8 +124,9 @@ class TrainingState:
             for name, p in self.model.named_parameters():
                 p.copy_(tensors[f"model.{name}"])
                 self.average[name].copy_(tensors[f"average.{name}"])
-                if f"exp_avg.{name}" in tensors:
-                    self.optimizer.state[p] = {value: tensors[f"{value}.{name}"].to(p.device) for value in OF_ADAMW}
+                moments = {value: tensors[f"{value}.{name}"] for value in MOMENTS if f"{value}.{name}" in tensors}
+                if moments:
+                    self.optimizer_of[p].state[p] = {value: tensor.to(p.device) for value, tensor in moments.items()}
 
 
 def backup(path: Path) -> Path:

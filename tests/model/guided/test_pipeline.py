@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from renderformer_v2.model.guided.bundle_decoder import BundleDecoder
 from renderformer_v2.model.guided.kernels import LATENT
 from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.effort import FULL
@@ -63,3 +64,13 @@ def test_the_transformer_alone_needs_no_rays(traced_points):
     picture = alone.view(view, guides)
     assert not traced_points and np.isfinite(picture).all() and picture.max() > 0.01
     assert np.abs(picture - with_rays.view(view, guides)).max() > 1e-3
+
+
+def test_what_the_tokens_say_changes_the_picture_of_the_transformer_alone(monkeypatch):
+    """A decoder can do without them, and training has ended so: all of it was convolution, and no test knew."""
+    view, guides = floor_view()
+    encoded = Renderer(device="cpu", precision="fp32", rays=False).encode(walls((0.6, 0.2, 0.2)))
+    picture = encoded.view(view, guides)
+    speak = BundleDecoder.forward
+    monkeypatch.setattr(BundleDecoder, "forward", lambda self, features, rows: 0 * speak(self, features, rows))
+    assert np.abs(encoded.view(view, guides) - picture).max() > 0.02 * picture.mean()
