@@ -50,17 +50,18 @@ class Batch(TensorGroup):
 
     def stored(self) -> Batch:
         """In half precision where prepared samples are, to be moved."""
-        return _each_field(self, stored)
+        return each_field(self, stored)
 
     def restored(self) -> Batch:
         """In float32 again."""
-        return _each_field(self, lambda value, _: value.float() if value.is_floating_point() else value)
+        return each_field(self, lambda value, _: value.float() if value.is_floating_point() else value)
 
 
-def _each_field(group: TensorGroup, change: Callable[[Tensor, str], Tensor]) -> TensorGroup:
+def each_field(group: TensorGroup, change: Callable[[Tensor, str], Tensor]) -> TensorGroup:
+    """A copy in which every tensor, those of inner groups too, is change(tensor, its field's name)."""
     values = {f.name: getattr(group, f.name) for f in fields(group)}
     return type(group)(**{name: change(value, name) if isinstance(value, Tensor) else
-                          None if value is None else _each_field(value, change) for name, value in values.items()})
+                          None if value is None else each_field(value, change) for name, value in values.items()})
 
 
 def batches(samples: Iterable, size: int, config: ModelConfig, lengths: tuple[int, ...] = ()) -> Iterator:

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 
 from renderformer_v2.model.tensor_group import TensorGroup
 
-from .batch import Batch
+from .batch import Batch, each_field
 
 TRIES = 3  # before a capture, in which libraries choose their algorithms
 
@@ -106,6 +106,4 @@ def tensors_of(group: TensorGroup) -> list[Tensor]:
 
 def rebuilt(group: TensorGroup, tensors: Iterator[Tensor]) -> TensorGroup:
     """The group with other tensors, in the order of `tensors_of`."""
-    values = {f.name: getattr(group, f.name) for f in fields(group)}
-    return type(group)(**{name: next(tensors) if isinstance(value, Tensor) else value and rebuilt(value, tensors)
-                          for name, value in values.items()})
+    return each_field(group, lambda *_: next(tensors))
