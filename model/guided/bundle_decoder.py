@@ -1,30 +1,45 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From ray bundles back to their pixels: what the transformer says, for the pixel decoder."""
+"""From ray bundles back to their pixels: what the transformer says of the light that they see."""
 from __future__ import annotations
 
+import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from ..fields import Channels
 from ..network.config import ModelConfig
 from ..network.layers import Linear, RMSNorm
 
+SAID = Channels(1, log_factor=3, trust=1)  # of all light, by colour; in the estimate of light that was also traced
+CELLS = 2          # along a side of a bundle, of which it says something of their own
+LARGEST_LOG = 2.0  # factors are between exp(-LARGEST_LOG) and exp(LARGEST_LOG)
+
 
 class BundleDecoder(nn.Module):
-    """Features of ray bundles after the last view layer -> channels of every pixel, by one product for each bundle.
+    """Features of ray bundles after the last view layer -> SAID; zeros before it is trained.
 
     The paper's decoder (`network/decoder.py`) has convolutions without norms, whose gain grew a million times within
-    the few minutes of our training; after that all pixels heard the same. The pixel decoder sees neighbours anyway.
+    the few minutes of our training; after that all pixels heard the same.
     """
 
-    def __init__(self, config: ModelConfig, channels: int):
+    def __init__(self, config: ModelConfig):
         super().__init__()
-        self.patch_size = config.patch_size
+        self.cell = config.patch_size // CELLS
         self.norm = RMSNorm(config.view_transformer_latent_dim)
-        self.project = Linear(config.view_transformer_latent_dim, channels * config.patch_size ** 2)
+        self.project = Linear(config.view_transformer_latent_dim, len(SAID) * CELLS ** 2)
+        for p in self.project.parameters():
+            nn.init.zeros_(p)
 
-    def forward(self, features: Tensor, rows: slice) -> Tensor:
-        """`rows` of the pixels of (V, D, Hg, Wg) -> (V, channels, h, W)."""
-        first, last = rows.start // self.patch_size, -(-rows.stop // self.patch_size)
-        said = self.project(self.norm(features[..., first:last, :].movedim(1, -1)))
-        pixels = F.pixel_shuffle(said.movedim(-1, 1), self.patch_size)
-        return pixels[..., rows.start - first * self.patch_size:rows.stop - first * self.patch_size, :]
+    def forward(self, features: Tensor) -> Tensor:
+        """(V, D, Hg, Wg) -> (V, len(SAID), CELLS Hg, CELLS Wg) f32."""
+        said = self.project(self.norm(features.movedim(1, -1))).movedim(-1, 1).float()
+        said = F.pixel_shuffle(said, CELLS)
+        return torch.cat([LARGEST_LOG * said[:, SAID["log_factor"]].tanh(), said[:, SAID["trust"]]], 1)
+
+    def at_pixels(self, cells: Tensor, rows: slice) -> Tensor:
+        """Cells (V, C, h, w) -> `rows` of the pixels (V, C, H, W), between the middles of cells."""
+        first, last = rows.start // self.cell, -(-rows.stop // self.cell)
+        padded = F.pad(cells, (0, 0, 1, 1), mode="replicate")[:, :, first:last + 2]
+        pixels = F.interpolate(padded, scale_factor=self.cell, mode="bilinear", align_corners=False)
+        begin = rows.start - (first - 1) * self.cell
+        return pixels[:, :, begin:begin + rows.stop - rows.start]

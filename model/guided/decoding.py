@@ -13,11 +13,15 @@ from ..compute.inference import is_inference
 from ..fields import Channels
 from ..light.direct.emitter_light import EMITTER, STRONGEST
 from ..light.surface_light import SurfaceLight
+from .bundle_decoder import SAID
 from .features import SURFACE, GuidedView
+from .kernels import LATENT
 
 # Share of the estimate where light was also traced; factors of direct and indirect light by lobe and colour; indirect
-# light of lobes that the estimate lacks; light of media; visibility of the strongest emitters and of all other light
-OUTPUTS = Channels(1, share=1, direct=9, indirect=9, missing=9, rest=3, visible=STRONGEST + 1)
+# light of lobes that the estimate lacks; light of media; visibility of the strongest emitters and of all other light;
+# what kernels are told. The transformer says the rest.
+OF_PIXELS = Channels(1, share=1, direct=9, indirect=9, missing=9, rest=3, visible=STRONGEST + 1, latent=LATENT)
+OUTPUTS = OF_PIXELS.joined(**SAID.sizes())
 LARGEST_FACTOR = 4.0  # and its inverse is the smallest
 DARK = -3.0           # offset at which softplus adds little
 
@@ -27,24 +31,26 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
 
     Exposed as the view's light is. Zeros leave the light exactly as it is. Where light was traced, there are two
     estimates of it that are right in different places, and the share of either is all that the network decides:
-    factors that were learnt from few scenes are wrong in others. Where the user lets no light bounce, which training
-    never did, traced light is believed and nothing is added.
+    factors that were learnt from few scenes are wrong in others. For the same reason the transformer's are of light
+    without rays only. Where the user lets no light bounce, which training never did, traced light is believed and
+    nothing is added.
     """
     light, raw = view.light, raw.float()
     untraced = 1 - light.is_traced.view(-1, 1, 1, 1)
     may_bounce = view.may_bounce.view(-1, 1, 1, 1)
-    share = raw[:, OUTPUTS["share"]].tanh() * may_bounce
+    share = (raw[:, OUTPUTS["share"]] + raw[:, OUTPUTS["trust"]]).tanh() * may_bounce
     raw = raw * untraced
     direct, indirect = (raw[:, OUTPUTS[name]].unflatten(1, (3, 3)) for name in ("direct", "indirect"))
     direct = factor(direct) if is_inference() and light.is_by_rays() else with_shadows(direct, raw, view)
     indirect = factor(indirect)
     missing = (added(raw[:, OUTPUTS["missing"]]) * may_bounce).unflatten(1, (3, 3))
+    of_all = (raw[:, OUTPUTS["log_factor"]] * (1 - light.has_rays.view(-1, 1, 1, 1))).exp()
     in_media = view.surface[:, SURFACE["alpha"]] * view.has_media.view(-1, 1, 1, 1)
     fields = {"bounced": 0, "reflected": 1, "refracted": 2, "behind": 2}  # by lobe
-    corrected = {name: (getattr(light, name) * indirect[:, lobe] + missing[:, lobe]).clamp_min(0)
+    corrected = {name: of_all * (getattr(light, name) * indirect[:, lobe] + missing[:, lobe]).clamp_min(0)
                  for name, lobe in fields.items()}
-    glow = (light.glow + added(raw[:, OUTPUTS["rest"]]) * in_media).clamp_min(0)
-    light = replace(light, direct=light.direct * direct, glow=glow, **corrected)
+    glow = of_all * (light.glow + added(raw[:, OUTPUTS["rest"]]) * in_media).clamp_min(0)
+    light = replace(light, direct=light.direct * direct * of_all[:, None], glow=glow, **corrected)
     return replace(light, traced=torch.lerp(light.traced, light.estimate(), share).clamp_min(0) * (1 - untraced))
 
 

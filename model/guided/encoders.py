@@ -18,6 +18,7 @@ from .features import FEATURES, GuidedView
 TILE_CHANNELS = LATENT_DIM + HEIGHT + 1 - NORMAL.start  # appearance latent, normal, height
 BEAM_FEATURES = 5       # axis and two cosines of a light triangle's beam
 BAND_PIXELS = 1 << 17   # embedded at a time
+FARTHEST = 5.0          # standard deviations from the mean that count
 
 
 class _Halving(nn.Sequential):
@@ -55,6 +56,30 @@ def panorama_size(config: ModelConfig) -> tuple[int, int]:
     return rows, columns
 
 
+class BundleStatistics(nn.Module):
+    """(V, len(FEATURES), h, W) features of pixels -> (V, R, D) of their ray bundles; zeros before it is trained.
+
+    Means and standard deviations, and how far traced light is from its estimate: what a product of all pixels cannot
+    tell. Numbers that are part of the weights bring them to mean 0 and deviation 1 over the training's bundles.
+    """
+
+    SOME = slice(0, FEATURES["emitters"].start)
+
+    def __init__(self, config: ModelConfig):
+        super().__init__()
+        self.patch_size, count = config.patch_size, 2 * self.SOME.stop + 3
+        self.mean, self.scale = (nn.Parameter(torch.full((count,), value)) for value in (0.0, 1.0))
+        self.project = Linear(count, config.latent_dim, bias=False)
+        nn.init.zeros_(self.project.weight)
+
+    def forward(self, features: Tensor) -> Tensor:
+        some, difference = features[:, self.SOME], features[:, FEATURES["traced"]] - features[:, FEATURES["estimated"]]
+        mean, square, error = (F.avg_pool2d(x, self.patch_size) for x in (some, some.square(), difference.abs()))
+        deviation = (square - mean.square()).clamp_min(0).sqrt()
+        statistics = torch.cat([mean, deviation, error], 1).flatten(2).transpose(1, 2)
+        return self.project(((statistics - self.mean.float()) * self.scale.float()).clamp(-FARTHEST, FARTHEST))
+
+
 class Guidance(nn.Module):
     """Embeds features of pixels into ray-bundle tokens, and beams into light tokens."""
 
@@ -63,6 +88,7 @@ class Guidance(nn.Module):
         self.patch_size = config.patch_size
         self.bundle_encoder = Linear(len(FEATURES) * config.patch_size ** 2, config.latent_dim)
         self.bundle_norm = RMSNorm(config.latent_dim, config.embed_norm_eps)
+        self.statistics = BundleStatistics(config)
         self.beam_encoder = Linear(BEAM_FEATURES, config.latent_dim)
 
     def bundles(self, view: GuidedView) -> Tensor:
@@ -74,7 +100,7 @@ class Guidance(nn.Module):
 
     def _embed(self, band: Tensor) -> Tensor:
         patches = F.pixel_unshuffle(band, self.patch_size)
-        return self.bundle_norm(self.bundle_encoder(patches.flatten(2).transpose(1, 2)))
+        return self.bundle_norm(self.bundle_encoder(patches.flatten(2).transpose(1, 2))) + self.statistics(band)
 
     def beams(self, axis: Tensor, cosine: Tensor) -> Tensor:
         """(L, D) added to the tokens of L light triangles; axis (L, 3), cosine (L, 2)."""

@@ -10,8 +10,10 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..environment import environment_images
-from ..fields import DIRECTION, array
-from ..geometry import contracted
+from ..fields import COLOR, DIRECTION, array
+from ..geometry import area_vectors, contracted, unit
+from ..light.bounce.patches import tile_albedo
+from ..light.direct.direct_light import DirectLight, Visibility
 from ..network.config import ModelConfig
 from ..network.inputs import (
     EnvironmentInputs,
@@ -32,13 +34,16 @@ class GuidedInputs(NetworkInputs):
 
     beam_axis: Tensor = array("L", 3, behaves=DIRECTION)  # of the light triangles, in input order
     beam_cosine: Tensor = array("L", 2)
+    sent: Tensor = array("N", 2, 3, behaves=COLOR)  # radiance that front and back of a triangle send on; 0 with rays
 
 
-def guided_inputs(scene: RenderScene, config: ModelConfig, mapper=None) -> GuidedInputs:
+def guided_inputs(scene: RenderScene, config: ModelConfig, mapper=None,
+                  direct: DirectLight | None = None) -> GuidedInputs:
     """Tensors of a normalised scene on the CPU.
 
     mapper: (P, 7) BSDF parameters -> (P, 9) latents; without one the texture stays (T, 11, t, t) parameters, which
-    `material_tiles` maps later.
+    `material_tiles` maps later. direct: the scene's light, of which it is told what triangles send on, as if nothing
+    were in the way of emitters and sky; not given where rays find that and more.
     """
     tiles = F.adaptive_avg_pool2d(torch.from_numpy(scene.tiles).float(), tile_side(config))
     light = encode_light(torch.from_numpy(scene.emission))
@@ -49,13 +54,26 @@ def guided_inputs(scene: RenderScene, config: ModelConfig, mapper=None) -> Guide
         texture_index=torch.from_numpy(scene.tile_index).long(), light=light,
         environment=_environment(scene.environment, panorama_size(config)), volumes=_volumes(scene.volumes),
         beam_axis=torch.from_numpy(scene.beam_axis[is_light]),
-        beam_cosine=torch.from_numpy(scene.beam_cosine[is_light]))
+        beam_cosine=torch.from_numpy(scene.beam_cosine[is_light]),
+        sent=torch.zeros(len(scene), 2, 3) if direct is None else _sent(scene, direct).cpu())
 
 
 def _contracted_corners(scene: RenderScene) -> np.ndarray:
     """(N, 3, 3) corners in contracted space: a large ground or a sky dome is like nothing in training."""
     lights = scene.is_light[:, None, None]
     return np.where(lights, bring_lights_near(scene), contracted(scene.triangles)).astype(np.float32)
+
+
+def _sent(scene: RenderScene, direct: DirectLight) -> Tensor:
+    """(N, 2, 3) light that the two sides of triangles send on, of emitters and sky without shadows."""
+    center, normal = (torch.from_numpy(x).to(direct.device).repeat(2, 1) for x in (
+        scene.triangles.mean(1), unit(area_vectors(scene.triangles))))
+    normal[len(scene):] *= -1
+    everything = torch.ones_like(center)
+    light = direct.diffuse(center, normal, Visibility(everything, everything)).unflatten(0, (2, -1)).transpose(0, 1)
+    albedo = tile_albedo(scene.tiles.mean(axis=(2, 3), dtype=np.float32)).reshape(-1, 3, 3).sum(1)
+    sides = np.stack([albedo[scene.tile_index], albedo[scene.tile_behind]], axis=1)
+    return light * torch.from_numpy(sides).to(light)
 
 
 def _volumes(volumes: Volumes | None) -> VolumeInputs | None:

@@ -2,6 +2,7 @@
 """The guided network: the paper's transformer around estimated and traced light (docs/architecture.md 4.2)."""
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import torch
@@ -15,15 +16,20 @@ from ..pictures import BAND_PIXELS, bands
 from ..progress import part
 from ..weights.checkpoint import read_network
 from .bundle_decoder import BundleDecoder
-from .decoding import OUTPUTS
+from .decoding import OF_PIXELS
 from .encoders import EnvironmentEncoder, Guidance, TileEncoder
 from .features import FEATURES, GuidedView
 from .guided_inputs import GuidedInputs
-from .kernels import LATENT, KernelPredictor
+from .kernels import KernelPredictor
+from .light_attention import LightAttention, Surfaces, bundles_of
 from .pixel_decoder import PixelDecoder
-from .shadows import ShadowAttention, bundle_emitters
 
-OUTPUT_CHANNELS = len(OUTPUTS) + LATENT
+
+@dataclass
+class GuidedContext(SceneContext):
+    """And what ray bundles attend to where no rays were traced."""
+
+    surfaces: Surfaces | None = None
 
 
 class GuidedRenderFormer(RenderFormer):
@@ -34,11 +40,10 @@ class GuidedRenderFormer(RenderFormer):
         self.tile_encoder = TileEncoder(config)
         self.environment_encoder = EnvironmentEncoder(config)
         self.guidance = Guidance(config)
-        self.shadows = ShadowAttention(config)
+        self.light_attention = LightAttention(config)
         width, coarse_width = config.guidance.pixel_decoder_width, config.guidance.pixel_decoder_coarse_width
-        del self.view_transformer.out_dpt
-        self.bundle_decoder = BundleDecoder(config, width + OUTPUT_CHANNELS)
-        self.pixel_decoder = PixelDecoder(len(FEATURES) + width, width, OUTPUT_CHANNELS, coarse_width)
+        self.bundle_decoder = BundleDecoder(config)
+        self.pixel_decoder = PixelDecoder(len(FEATURES), width, len(OF_PIXELS), coarse_width)
         self.kernel_predictor = KernelPredictor(config.guidance.kernel_predictor_width)  # of finished pictures
 
     def embed_textures(self, tiles: Tensor) -> Tensor:
@@ -59,22 +64,23 @@ class GuidedRenderFormer(RenderFormer):
         beams = self.guidance.beams(inputs.beam_axis, inputs.beam_cosine)
         return super().embed_triangles(inputs).index_add(0, inputs.is_light.nonzero()[:, 0], beams.float())
 
-    def ray_tokens(self, context: SceneContext, view: GuidedView) -> Tensor:
-        """Where no rays were traced for shadows, bundles look for what is between them and the emitters."""
+    def encode_scene(self, inputs: GuidedInputs, cache_keys_values: bool | None = None) -> GuidedContext:
+        """And the surfaces that the sequence has tokens of."""
+        context = super().encode_scene(inputs, cache_keys_values)
+        return GuidedContext(**vars(context), surfaces=Surfaces.of_scene(context.tokens, context.triangle, inputs))
+
+    def ray_tokens(self, context: GuidedContext, view: GuidedView) -> Tensor:
+        """Where no rays were traced, bundles look for the light of surfaces, and for what hides emitters."""
         rays = self.embed_rays(view)
-        if view.light.is_by_rays():
-            return rays
-        return rays + self.shadow_light(rays, view, context.tokens[None], context.positions[None],
-                                        context.triangle[None] >= 0)
+        return rays if view.light.is_by_rays() else rays + self.found_light(rays, view, context.surfaces)
 
-    def shadow_light(self, rays: Tensor, view: GuidedView, *tokens: Tensor) -> Tensor:
-        """What `ShadowAttention` adds to the ray tokens (V, R, D) of views, where there are no rays.
+    def found_light(self, rays: Tensor, view: GuidedView, surfaces: Surfaces) -> Tensor:
+        """What `LightAttention` adds to the ray tokens (V, R, D) of views, where there are no rays.
 
-        tokens: those of B scenes, and the rest of its arguments; the same number of views belongs to each scene.
+        surfaces: of B scenes; the same number of views belongs to each.
         """
-        emitters = bundle_emitters(view.emitters, self.config.patch_size)
-        of_scenes = (x.unflatten(0, (len(tokens[0]), -1)).flatten(1, 2) for x in (rays, view.positions, emitters))
-        light = self.shadows(*of_scenes, *tokens).reshape(rays.shape)
+        bundles = bundles_of(rays, view, len(surfaces.tokens), self.config.patch_size)
+        light = self.light_attention(bundles, surfaces).reshape(rays.shape)
         return light * (1 - view.light.has_rays.view(-1, 1, 1))
 
     def embed_rays(self, view: GuidedView) -> Tensor:
@@ -86,15 +92,11 @@ class GuidedRenderFormer(RenderFormer):
         return view.positions
 
     def decode(self, features: list[Tensor], view: GuidedView) -> Tensor:
-        """(V, D, Hg, Wg) of each layer -> (V, OUTPUT_CHANNELS, H, W) for `corrected_light` and the kernels.
-
-        Bundles give the pixel decoder a context, and where no rays were traced they also say outputs of their own.
-        """
-        has_no_rays = 1 - view.light.has_rays.view(-1, 1, 1, 1)
+        """(V, D, Hg, Wg) of each layer -> (V, len(OUTPUTS), H, W) for `corrected_light` and the kernels."""
+        cells = self.bundle_decoder(features[-1])
 
         def decode(rows: slice) -> Tensor:
-            said, context = self.bundle_decoder(features[-1], rows).tensor_split([OUTPUT_CHANNELS], 1)
-            return has_no_rays * said.float() + self.pixel_decoder(torch.cat([context, view.features(rows)], 1))
+            return torch.cat([self.pixel_decoder(view.features(rows)), self.bundle_decoder.at_pixels(cells, rows)], 1)
 
         height, width = view.directions.shape[1:3]
         if not is_inference():

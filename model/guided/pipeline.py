@@ -27,7 +27,7 @@ from ..weights.presets import weights_folder
 from .decoding import OUTPUTS, corrected_light
 from .features import guided_view, with_exposure
 from .guided_inputs import guided_inputs
-from .kernels import LATENT, antialiased
+from .kernels import antialiased
 from .network import load_network
 
 
@@ -74,7 +74,7 @@ class GuidedPipeline:
         with part(0.05, 0.6, "Estimating bounced light"):
             light = self._light(scene, direct)
         with part(0.6, 1.0):
-            inputs = guided_inputs(scene, self.config, self.mapper).to(self.device)
+            inputs = guided_inputs(scene, self.config, self.mapper, None if self.rays else direct).to(self.device)
             context = self.network.encode_scene(inputs)
         return GuidedScene(light, context, len(context.tokens))
 
@@ -98,12 +98,11 @@ class GuidedPipeline:
         with part(0.6, 0.95):
             raw = self.network.render_view(encoded.context, inputs)
         with part(0.95, 1.0, "Adding the light up"):
-            channels, latent = raw.split([len(OUTPUTS), LATENT], 1)
 
             def light(rows: slice) -> SurfaceLight:
-                return with_exposure(corrected_light(channels[..., rows, :], inputs.rows(rows)), 1 / inputs.exposure)
+                return with_exposure(corrected_light(raw[..., rows, :], inputs.rows(rows)), 1 / inputs.exposure)
 
-            return _in_bands(light, view, is_traced, apart) | {"latent": latent[0]}
+            return _in_bands(light, view, is_traced, apart) | {"latent": raw[0, OUTPUTS["latent"]]}
 
     def antialiased(self, pictures: dict[str, np.ndarray], lobes: Lobes, guides: Guides,
                     wraps: bool = False) -> dict[str, np.ndarray]:

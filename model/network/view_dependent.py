@@ -72,7 +72,8 @@ class ViewTransformer(nn.Module):
         self.ray_map_encoder = Linear(nerf_width(3, config.vdir_num_freqs) * config.patch_size ** 2, d)
         self.ray_map_encoder_norm = RMSNorm(d, config.embed_norm_eps)
         self.transformer = ViewDependentTransformer(config)
-        self.out_dpt = DPTDecoder(config)
+        if config.guidance is None:  # the guided network has decoders of its own
+            self.out_dpt = DPTDecoder(config)
 
     def embed_rays(self, directions: torch.Tensor) -> torch.Tensor:
         """(V, H, W, 3) world directions -> (V, R, D) float32, one token per ray bundle (docs/network.md 8.1)."""

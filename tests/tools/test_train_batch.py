@@ -66,7 +66,7 @@ def samples(tmp_path_factory) -> list:
 
 def test_a_batch_is_rendered_as_its_scenes_are(samples):
     network, mapper = load_network(WEIGHTS), load_material_mapper()
-    torch.nn.init.normal_(network.shadows.out_proj.weight, std=0.05)
+    torch.nn.init.normal_(network.bundle_decoder.project.weight, std=0.05)
     mapped = [with_latents(sample, mapper) for sample in samples]
     batch = joined(mapped, CONFIG)
     assert len(set(batch.length.tolist())) == len(mapped) == len(batch)

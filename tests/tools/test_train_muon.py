@@ -26,17 +26,30 @@ def test_steps_are_those_of_pytorch():
         torch.testing.assert_close(p, q, atol=2e-4, rtol=1e-3)
 
 
+def make(*muon: str) -> TrainingState:
+    torch.manual_seed(1)
+    model = nn.Sequential(nn.Linear(3, 5), nn.SiLU(), nn.Linear(5, 2))
+    return TrainingState(model, 0.01, 0.05, 0.9, muon)
+
+
+def step(state: TrainingState, x: torch.Tensor) -> None:
+    state.model(x).square().sum().backward()
+    assert state.advance(0.01, 1.0)
+
+
+def test_a_training_may_go_on_with_other_optimisers(tmp_path):
+    first, second = make(), make("2.")
+    x = torch.randn(4, 3)
+    step(first, x)
+    first.save(tmp_path / "state.safetensors")
+    assert second.resume(tmp_path / "state.safetensors")
+    matrices = [second.model[0].weight, second.model[2].weight]
+    assert [bool(second.optimizer_of[p].state.get(p)) for p in matrices] == [True, False]
+    step(second, x)
+
+
 def test_a_resumed_training_steps_as_one_that_was_not_interrupted(tmp_path):
-    def make() -> TrainingState:
-        torch.manual_seed(1)
-        model = nn.Sequential(nn.Linear(3, 5), nn.SiLU(), nn.Linear(5, 2))
-        return TrainingState(model, 0.01, 0.05, 0.9, ("2.",))
-
-    def step(state: TrainingState, x: torch.Tensor) -> None:
-        state.model(x).square().sum().backward()
-        assert state.advance(0.01, 1.0)
-
-    first, second = make(), make()
+    first, second = make("2."), make("2.")
     assert [type(optimizer) for optimizer in first.optimizers] == [torch.optim.AdamW, Muon]
     x = torch.randn(4, 3)
     step(first, x)

@@ -9,6 +9,7 @@ import torch
 
 from renderformer_v2.model.camera import square_view, view_rays
 from renderformer_v2.model.compute.inference import inference
+from renderformer_v2.model.compute.threads import team
 from renderformer_v2.model.environment import direction_map, environment_images, rotate_environment, rotation_matrix
 from renderformer_v2.model.material.autoencoder import MaterialAutoencoder, log10_1p
 from renderformer_v2.model.material.mappers import MAPPERS
@@ -38,7 +39,7 @@ def network_results(case: Case) -> dict[str, torch.Tensor]:
         **{f"cross{i}": layer.multihead_attn.out_proj for i, layer in enumerate(view_layers)},
         **{f"swin{i}": layer.self_attn for i, layer in enumerate(view_layers)},
         "attention": layers[0].multihead_attn.out_proj, "dpt": network.view_transformer.out_dpt,
-    }) as record, inference():
+    }) as record, inference(), team(1):  # several threads would record chunks in whatever order they finish
         sequence, _ = network.embed_scene(inputs)
         context = network.encode_scene(inputs)
         log_image = network.render_view(context, views)

@@ -96,7 +96,8 @@ def mirrored(sample: TrainingSample) -> TrainingSample:
     if volumes is not None:
         volumes = replace(volumes, density=volumes.density.unflatten(1, (4, 4, 4)).flip(-1).flatten(1))
     bundles = view.positions.unflatten(1, (-1, view.directions.shape[2] // PATCH)).flip(2).flatten(1, 2)
-    changed = replace(changed, inputs=replace(changed.inputs, volumes=volumes), view=replace(view, positions=bundles))
+    inputs = replace(changed.inputs, volumes=volumes, sent=changed.inputs.sent.flip(1))  # front is back now
+    changed = replace(changed, inputs=inputs, view=replace(view, positions=bundles))
     return map_layouts(changed, lambda x, layout: x.flip(layout.shape.index("W")) if "W" in layout.shape else x)
 
 

@@ -15,6 +15,7 @@ from torch.nn import functional as F
 from torch.nn.utils.rnn import pad_sequence
 
 from renderformer_v2.model.guided.guided_inputs import GuidedInputs
+from renderformer_v2.model.guided.light_attention import Surfaces
 from renderformer_v2.model.guided.network import GuidedRenderFormer
 from renderformer_v2.model.network.attention import Attention
 from renderformer_v2.model.network.config import ENVIRONMENT_GRID, ModelConfig
@@ -42,7 +43,7 @@ class Batch(TensorGroup):
     positions: Tensor  # (B, L, 3) f32
     sink: Tensor       # (B,) int64, tokens of the sink
     length: Tensor     # (B,) int64, tokens without padding
-    is_triangle: Tensor  # (B, L) bool
+    triangle: Tensor   # (B, L) int64, row of the triangle that a token stands for, else -1
     blocks: Tensor     # (S, summary_block_size) int64, rows of which each of the S summaries is the mean
 
     def __len__(self) -> int:
@@ -96,7 +97,7 @@ def joined(samples: list[TrainingSample], config: ModelConfig, padded: int | Non
     inputs = [sample.inputs for sample in samples]
     registers, block = config.num_register_tokens, config.summary_block_size
     grid = 2 * ENVIRONMENT_GRID[0] * ENVIRONMENT_GRID[1]  # LDR and HDR
-    triangle = registers + len(samples) * grid
+    first_triangle = triangle = registers + len(samples) * grid
     cell = triangle + sum(len(scene.triangles) for scene in inputs)
     summary = cell + sum(_cells(scene) for scene in inputs)
     rows, positions, triangles, sinks, blocks = [], [], [], [], []
@@ -113,7 +114,7 @@ def joined(samples: list[TrainingSample], config: ModelConfig, padded: int | Non
         rows.append(row.long())
         blocks.append(rows[-1][first:first + count * block].view(count, block))
         positions.append(sequence.position)
-        triangles.append(sequence.triangle >= 0)
+        triangles.append(torch.where(sequence.triangle < 0, -1, sequence.triangle + triangle - first_triangle))
         sinks.append(first if config.sinks else 0)
         triangle, cell, summary = triangle + len(scene.triangles), cell + _cells(scene), summary + count
     length = torch.tensor([len(row) for row in rows])
@@ -124,7 +125,7 @@ def joined(samples: list[TrainingSample], config: ModelConfig, padded: int | Non
     return Batch(TrainingSample(_joined_inputs(inputs), stacked([sample.view for sample in samples]), **views),
                  F.pad(pad_sequence(rows, True), (0, padding)),
                  F.pad(pad_sequence(positions, True), (0, 0, 0, padding)), torch.tensor(sinks), length,
-                 F.pad(pad_sequence(triangles, True), (0, padding)), torch.cat(blocks))
+                 F.pad(pad_sequence(triangles, True, -1), (0, padding), value=-1), torch.cat(blocks))
 
 
 def _column(first: int, count: int) -> Tensor:
@@ -145,7 +146,7 @@ def _joined_inputs(inputs: list[GuidedInputs]) -> GuidedInputs:
     volumes = [scene.volumes for scene in inputs if scene.volumes is not None]
     apart = {f.name: torch.stack([getattr(e, f.name) for e in environments]) for f in fields(EnvironmentInputs)}
     behind = {name: torch.cat([getattr(scene, name) for scene in inputs])
-              for name in ("triangles", "normals", "texture", "light", "beam_axis", "beam_cosine")}
+              for name in ("triangles", "normals", "texture", "light", "beam_axis", "beam_cosine", "sent")}
     return GuidedInputs(**behind, texture_index=torch.cat(index), environment=EnvironmentInputs(**apart),
                         volumes=stacked(volumes) if volumes else None)
 
@@ -187,7 +188,7 @@ def gather_light(model: GuidedRenderFormer, tokens: Tensor, batch: Batch) -> Ten
     of_rays, of_tokens = stage.rope_emb(positions), stage.rope_emb(batch.positions)
     mask = is_token(batch)[:, None, None].expand(-1, 1, positions.shape[1], -1)
     rays = model.embed_rays(view)
-    rays = rays + model.shadow_light(rays, view, tokens, batch.positions, batch.is_triangle, is_token(batch))
+    rays = rays + model.found_light(rays, view, Surfaces.of(tokens, batch.triangle, batch.sample.inputs))
     rays, features = rays.unflatten(1, grid), {}
     for i, layer in enumerate(stage.layers):
         attention, x = layer.multihead_attn, rays.view(len(batch), -1, rays.shape[-1])

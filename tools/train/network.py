@@ -18,7 +18,7 @@ import torch
 from safetensors.torch import load_file
 
 from renderformer_v2.model.guided.decoding import OUTPUTS, corrected_light
-from renderformer_v2.model.guided.kernels import LATENT, antialiased_views
+from renderformer_v2.model.guided.kernels import antialiased_views
 from renderformer_v2.model.guided.network import GuidedRenderFormer, new_network
 from renderformer_v2.model.material.mappers import load_material_mapper
 from renderformer_v2.model.weights.checkpoint import save_network
@@ -62,10 +62,9 @@ def picture_losses(model: GuidedRenderFormer, decoded: torch.Tensor, sample: Tra
                    perceptual) -> dict[str, torch.Tensor]:
     """Losses of what `render_view` gave for the views of a sample."""
     view = sample.view
-    raw, latent = decoded.split([len(OUTPUTS), LATENT], 1)
-    light = corrected_light(raw, view)
+    light = corrected_light(decoded, view)
     radiance = light.radiance()
-    finished = antialiased_views(model.kernel_predictor, radiance, view, latent)
+    finished = antialiased_views(model.kernel_predictor, radiance, view, decoded[:, OUTPUTS["latent"]])
     # Traced light contains the indirect light of the specular lobes in part, and never that of the diffuse lobe.
     is_traced = light.is_traced.view(-1, 1, 1, 1, 1) > 0
     is_specular = torch.arange(3, device=light.albedo.device).view(1, 3, 1, 1, 1) > 0

@@ -15,8 +15,8 @@ from torch import Tensor, nn
 from .errors import TrainingError
 from .muon import Muon
 
-# Of each parameter, by AdamW or Muon; one without gradients is not stepped.
-MOMENTS = ("step", "exp_avg", "exp_avg_sq", "momentum_buffer")
+# Of each parameter; one without gradients is not stepped.
+MOMENTS = {torch.optim.AdamW: ("step", "exp_avg", "exp_avg_sq"), Muon: ("momentum_buffer",)}
 MOST_SKIPPED = 20                             # steps in a row
 DAMAGED = (SafetensorError, OSError, ValueError, KeyError, TypeError)  # what unreadable files raise
 
@@ -37,8 +37,8 @@ class TrainingState:
             [{"params": matrices, "weight_decay": weight_decay}, {"params": vectors, "weight_decay": 0.0}],
             lr=learning_rate, betas=(0.9, 0.98), fused=True)]
         if hidden:
-            self.optimizers.append(Muon(hidden.values(), learning_rate, weight_decay))
-        self.rates = 1.0, muon_rate
+            groups = [{"params": [*hidden.values()], "rate": muon_rate}]
+            self.optimizers.append(Muon(groups, learning_rate, weight_decay))
         self.optimizer_of = {p: optimizer for optimizer in self.optimizers for group in optimizer.param_groups
                              for p in group["params"]}
         self.average = {name: p.detach().clone() for name, p in model.named_parameters()}
@@ -51,9 +51,9 @@ class TrainingState:
         """
         norm = nn.utils.clip_grad_norm_(self.model.parameters(), clip_norm)
         if norm.isfinite():
-            for optimizer, rate in zip(self.optimizers, self.rates):
+            for optimizer in self.optimizers:
                 for group in optimizer.param_groups:
-                    group["lr"] = rate * learning_rate
+                    group["lr"] = group.get("rate", 1.0) * learning_rate
                 optimizer.step()
             self.step += 1
             self._update_average()
@@ -78,8 +78,7 @@ class TrainingState:
         tensors = {}
         for name, p in self.model.named_parameters():
             tensors[f"model.{name}"], tensors[f"average.{name}"] = p.detach(), self.average[name]
-            moments = self._moments(p)
-            tensors |= {f"{value}.{name}": moments[value] for value in MOMENTS if value in moments}
+            tensors |= {f"{value}.{name}": moment for value, moment in self._moments(p).items()}
         if wrong := _not_finite(tensors):
             raise TrainingError(f"{wrong} is no longer finite at step {self.step}, which is not saved: "
                                 "lower learning_rate and run again to go on from the last save")
@@ -124,9 +123,10 @@ class TrainingState:
             for name, p in self.model.named_parameters():
                 p.copy_(tensors[f"model.{name}"])
                 self.average[name].copy_(tensors[f"average.{name}"])
-                moments = {value: tensors[f"{value}.{name}"] for value in MOMENTS if f"{value}.{name}" in tensors}
-                if moments:
-                    self.optimizer_of[p].state[p] = {value: tensor.to(p.device) for value, tensor in moments.items()}
+                if optimizer := self.optimizer_of.get(p):  # the file may be of a run in which another one stepped it
+                    names = {value: f"{value}.{name}" for value in MOMENTS[type(optimizer)]}
+                    if all(key in tensors for key in names.values()):
+                        optimizer.state[p] = {value: tensors[key].to(p.device) for value, key in names.items()}
 
 
 def backup(path: Path) -> Path:

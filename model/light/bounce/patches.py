@@ -106,7 +106,7 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     corners, source = subdivision.pieces()
     token = scene.surfaces.token[source]
     means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
-    material = np.concatenate([_albedo(means), _layer(means)], axis=1)
+    material = np.concatenate([tile_albedo(means), _layer(means)], axis=1)
     material = np.concatenate([material[scene.tile_index], material[scene.tile_behind],
                                scene.tile_translucence[scene.tile_index][:, None]], axis=1)
     element, largest = group_elements(corners, token, patch_density(scene.triangles.mean(axis=1), emitters))
@@ -131,8 +131,9 @@ def _sums(values: np.ndarray, group: np.ndarray) -> np.ndarray:
     return np.stack([np.bincount(group, column) for column in values.T], axis=1).astype(np.float32)
 
 
-def _albedo(means: np.ndarray) -> np.ndarray:
-    """(tiles, 9) albedo for uniform light of the same: RGB of the diffuse lobe, of metal, of a dielectric's layer."""
+def tile_albedo(means: np.ndarray) -> np.ndarray:
+    """(tiles, 11) mean parameters -> (tiles, 9) albedo for uniform light: RGB of the diffuse lobe, of metal, of a
+    dielectric's layer."""
     base, metallic, transmission = means[:, BASE_COLOR], means[:, METALLIC, None], means[:, TRANSMISSION, None]
     inside = (1 - transmission) + TRANSMITTED * transmission
     sharp_layer, layer = (layer_reflectance(means[:, IOR, None], roughness) for roughness in

@@ -1,19 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pixels hear their own ray bundle, whichever rows of them are asked for."""
+"""Pixels hear their own ray bundle and the nearest cells of its neighbours, whichever rows of them are asked for."""
 import pytest
 import torch
 
-from renderformer_v2.model.guided.bundle_decoder import BundleDecoder
+from renderformer_v2.model.guided.bundle_decoder import CELLS, LARGEST_LOG, SAID, BundleDecoder
 from renderformer_v2.model.weights.presets import rf2_small
 
 CONFIG = rf2_small()
 PATCH = CONFIG.patch_size
+ALL = slice(0, 3 * PATCH)
 
 
 @pytest.fixture(scope="module")
 def decoder() -> BundleDecoder:
     torch.manual_seed(0)
-    return BundleDecoder(CONFIG, 5).requires_grad_(False)
+    decoder = BundleDecoder(CONFIG).requires_grad_(False)
+    torch.nn.init.normal_(decoder.project.weight, std=0.1)
+    return decoder
 
 
 @pytest.fixture(scope="module")
@@ -22,22 +25,33 @@ def features() -> torch.Tensor:
     return torch.randn(2, CONFIG.latent_dim, 3, 4)
 
 
-@pytest.mark.parametrize("rows", [slice(0, 24), slice(0, 8), slice(6, 14), slice(9, 24)])
+def pixels(decoder, features, rows=ALL) -> torch.Tensor:
+    return decoder.at_pixels(decoder(features), rows)
+
+
+def test_new_weights_leave_light_as_it_is(features):
+    assert not BundleDecoder(CONFIG)(features).any()
+
+
+@pytest.mark.parametrize("rows", [ALL, slice(0, 8), slice(6, 14), slice(9, 24), slice(11, 12)])
 def test_some_rows_are_those_of_the_whole(decoder, features, rows):
-    whole = decoder(features, slice(0, 3 * PATCH))
-    assert whole.shape == (2, 5, 3 * PATCH, 4 * PATCH) and whole.std() > 0.1
-    torch.testing.assert_close(decoder(features, rows), whole[..., rows, :])
+    whole = pixels(decoder, features)
+    assert whole.shape == (2, len(SAID), 3 * PATCH, 4 * PATCH) and whole.std() > 0.1
+    torch.testing.assert_close(pixels(decoder, features, rows), whole[..., rows, :])
 
 
-def test_what_one_bundle_says_reaches_its_own_pixels_alone(decoder, features):
+def test_what_one_bundle_says_ends_in_the_middle_of_the_next_cell(decoder, features):
     changed = features.clone()
     changed[0, :, 1, 2] += torch.arange(CONFIG.latent_dim)
-    differs = (decoder(changed, slice(0, 24)) != decoder(features, slice(0, 24))).any(1)
-    expected = torch.zeros(2, 3, 4, dtype=torch.bool)
-    expected[0, 1, 2] = True
-    assert torch.equal(differs, expected.repeat_interleave(PATCH, 1).repeat_interleave(PATCH, 2))
+    differs = (pixels(decoder, changed) != pixels(decoder, features)).any(1)
+    half = PATCH // CELLS // 2
+    expected = torch.zeros(2, 3 * PATCH, 4 * PATCH, dtype=torch.bool)
+    expected[0, PATCH - half:2 * PATCH + half, 2 * PATCH - half:3 * PATCH + half] = True
+    assert torch.equal(differs, expected)
 
 
-def test_louder_features_say_the_same(decoder, features):
-    whole = slice(0, 24)
-    torch.testing.assert_close(decoder(1e4 * features, whole), decoder(features, whole), atol=1e-4, rtol=1e-4)
+def test_the_loudest_features_say_no_more_than_a_known_factor(decoder, features):
+    torch.testing.assert_close(pixels(decoder, 1e4 * features), pixels(decoder, features), atol=1e-4, rtol=1e-4)
+    torch.nn.init.constant_(decoder.project.bias, 1e4)
+    factors = pixels(decoder, features)[:, SAID["log_factor"]]
+    torch.testing.assert_close(factors, torch.full_like(factors, LARGEST_LOG))

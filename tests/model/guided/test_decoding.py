@@ -115,14 +115,30 @@ def test_light_without_shadows_can_be_all_in_shadow(name):
 
 def test_where_light_was_traced_nothing_but_the_share_of_the_estimate_counts():
     view = inputs(is_traced=True)
-    others = dict.fromkeys(set(OUTPUTS.parts) - {"share"}, 5.0)
+    others = dict.fromkeys(set(OUTPUTS.parts) - {"share", "trust"}, 5.0)
     corrected = corrected_light(outputs(view, **others), view)
     for name, values in vars(view.light).items():
         assert torch.equal(getattr(corrected, name), values), name
     alone = inputs()
-    believed = corrected_light(outputs(alone, share=5.0), alone)
+    believed = corrected_light(outputs(alone, share=5.0, trust=5.0), alone)
     for name, values in vars(alone.light).items():
         assert torch.equal(getattr(believed, name), values), name
+
+
+def test_bundles_and_pixels_decide_together_how_far_the_estimate_is_trusted():
+    view = inputs(is_traced=True)
+    together, one = (corrected_light(outputs(view, **share), view).traced for share in (
+        {"share": 0.3, "trust": 0.4}, {"share": 0.7}))
+    torch.testing.assert_close(together, one)
+    assert (together - view.light.traced).abs().max() > 0.01
+
+
+def test_the_transformer_makes_all_light_without_rays_brighter_and_no_other():
+    alone, by_rays = inputs(has_rays=False), inputs()
+    brighter = corrected_light(outputs(alone, log_factor=1.0), alone)
+    for name in ("direct", "bounced", "reflected", "refracted", "behind", "glow"):
+        torch.testing.assert_close(getattr(brighter, name), math.e * getattr(alone.light, name))
+    assert torch.equal(corrected_light(outputs(by_rays, log_factor=1.0), by_rays).radiance(), by_rays.light.radiance())
 
 
 def test_each_lobe_and_colour_has_a_factor_of_its_own():

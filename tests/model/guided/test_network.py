@@ -8,7 +8,6 @@ import torch
 from renderformer_v2.model.guided.decoding import OUTPUTS
 from renderformer_v2.model.guided.features import guided_view
 from renderformer_v2.model.guided.guided_inputs import guided_inputs
-from renderformer_v2.model.guided.kernels import LATENT
 from renderformer_v2.model.guided.network import GuidedRenderFormer, load_network
 from renderformer_v2.model.material.mappers import load_material_mapper
 from renderformer_v2.model.network.renderformer import RenderFormer
@@ -51,7 +50,7 @@ def test_ray_tokens_are_where_they_hit_and_know_what(network, view):
 @torch.no_grad()
 def test_pixels_are_channels_of_light(network, inputs, view):
     raw = network.render_view(network.encode_scene(inputs), view)
-    assert raw.shape == (1, len(OUTPUTS) + LATENT, 64, 64) and raw.isfinite().all()
+    assert raw.shape == (1, len(OUTPUTS), 64, 64) and raw.isfinite().all()
 
 
 def test_inputs_without_a_mapper_hold_the_parameters(network):

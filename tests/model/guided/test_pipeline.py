@@ -66,11 +66,14 @@ def test_the_transformer_alone_needs_no_rays(traced_points):
     assert np.abs(picture - with_rays.view(view, guides)).max() > 1e-3
 
 
-def test_what_the_tokens_say_changes_the_picture_of_the_transformer_alone(monkeypatch):
+@pytest.mark.parametrize(("is_traced", "least"), [(False, 0.02), (True, 1e-3)])
+def test_what_the_tokens_say_changes_the_picture(is_traced, least, monkeypatch):
     """A decoder can do without them, and training has ended so: all of it was convolution, and no test knew."""
     view, guides = floor_view()
-    encoded = Renderer(device="cpu", precision="fp32", rays=False).encode(walls((0.6, 0.2, 0.2)))
+    if is_traced:
+        guides = replace(guides, traced=np.full(guides.diffuse_color.shape, 0.25, np.float32))
+    encoded = Renderer(device="cpu", precision="fp32", rays=is_traced).encode(walls((0.6, 0.2, 0.2)))
     picture = encoded.view(view, guides)
     speak = BundleDecoder.forward
-    monkeypatch.setattr(BundleDecoder, "forward", lambda self, features, rows: 0 * speak(self, features, rows))
-    assert np.abs(encoded.view(view, guides) - picture).max() > 0.02 * picture.mean()
+    monkeypatch.setattr(BundleDecoder, "forward", lambda self, features: 0 * speak(self, features))
+    assert np.abs(encoded.view(view, guides) - picture).max() > least * picture.mean()

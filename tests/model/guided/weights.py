@@ -15,7 +15,7 @@ def busy_network() -> GuidedRenderFormer:
     network = new_network(rf2_small())
     network.kernel_predictor = load_network(weights_folder(BUNDLED)).kernel_predictor
     torch.nn.init.normal_(network.pixel_decoder.leave.weight, std=0.01)
-    torch.nn.init.normal_(network.shadows.out_proj.weight, std=0.05)
+    torch.nn.init.normal_(network.bundle_decoder.project.weight, std=0.01)
     return network.requires_grad_(False).eval()
 
 
