@@ -13,6 +13,7 @@ from ..network.layers import Linear, RMSNorm
 SAID = Channels(1, log_factor=3, trust=1)  # of all light, by colour; in the estimate of light that was also traced
 CELLS = 2          # along a side of a bundle, of which it says something of their own
 LARGEST_LOG = 2.0  # factors are between exp(-LARGEST_LOG) and exp(LARGEST_LOG)
+SMOOTH = 1 / 16, 4 / 16, 6 / 16, 4 / 16, 1 / 16  # weights of neighbouring cells, along rows and columns
 
 
 class BundleDecoder(nn.Module):
@@ -34,7 +35,7 @@ class BundleDecoder(nn.Module):
         """(V, D, Hg, Wg) -> (V, len(SAID), CELLS Hg, CELLS Wg) f32."""
         said = self.project(self.norm(features.movedim(1, -1))).movedim(-1, 1).float()
         said = F.pixel_shuffle(said, CELLS)
-        return torch.cat([LARGEST_LOG * said[:, SAID["log_factor"]].tanh(), said[:, SAID["trust"]]], 1)
+        return smoothed(torch.cat([LARGEST_LOG * said[:, SAID["log_factor"]].tanh(), said[:, SAID["trust"]]], 1))
 
     def at_pixels(self, cells: Tensor, rows: slice) -> Tensor:
         """Cells (V, C, h, w) -> `rows` of the pixels (V, C, H, W), between the middles of cells."""
@@ -43,3 +44,12 @@ class BundleDecoder(nn.Module):
         pixels = F.interpolate(padded, scale_factor=self.cell, mode="bilinear", align_corners=False)
         begin = rows.start - (first - 1) * self.cell
         return pixels[:, :, begin:begin + rows.stop - rows.start]
+
+
+def smoothed(cells: Tensor) -> Tensor:
+    """(V, C, h, w): bundles err each for itself, which shows as blotches on plain walls."""
+    weights, reach = cells.new_tensor(SMOOTH).expand(cells.shape[1], 1, 1, -1), len(SMOOTH) // 2
+    for _ in range(2):  # along rows, and along columns
+        padded = F.pad(cells, (reach, reach, 0, 0), mode="replicate")
+        cells = F.conv2d(padded, weights, groups=cells.shape[1]).transpose(2, 3)
+    return cells

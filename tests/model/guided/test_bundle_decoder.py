@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pixels hear their own ray bundle and the nearest cells of its neighbours, whichever rows of them are asked for."""
+"""Pixels hear their own ray bundle and those near it, whichever rows of them are asked for."""
 import pytest
 import torch
 
-from renderformer_v2.model.guided.bundle_decoder import CELLS, LARGEST_LOG, SAID, BundleDecoder
+from renderformer_v2.model.guided.bundle_decoder import CELLS, LARGEST_LOG, SAID, SMOOTH, BundleDecoder
 from renderformer_v2.model.weights.presets import rf2_small
 
 CONFIG = rf2_small()
 PATCH = CONFIG.patch_size
-ALL = slice(0, 3 * PATCH)
+ALL = slice(0, 5 * PATCH)
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def decoder() -> BundleDecoder:
 @pytest.fixture(scope="module")
 def features() -> torch.Tensor:
     torch.manual_seed(1)
-    return torch.randn(2, CONFIG.latent_dim, 3, 4)
+    return torch.randn(2, CONFIG.latent_dim, 5, 6)
 
 
 def pixels(decoder, features, rows=ALL) -> torch.Tensor:
@@ -36,17 +36,18 @@ def test_new_weights_leave_light_as_it_is(features):
 @pytest.mark.parametrize("rows", [ALL, slice(0, 8), slice(6, 14), slice(9, 24), slice(11, 12)])
 def test_some_rows_are_those_of_the_whole(decoder, features, rows):
     whole = pixels(decoder, features)
-    assert whole.shape == (2, len(SAID), 3 * PATCH, 4 * PATCH) and whole.std() > 0.1
+    assert whole.shape == (2, len(SAID), 5 * PATCH, 6 * PATCH) and whole.std() > 0.1
     torch.testing.assert_close(pixels(decoder, features, rows), whole[..., rows, :])
 
 
-def test_what_one_bundle_says_ends_in_the_middle_of_the_next_cell(decoder, features):
+def test_what_one_bundle_says_ends_in_the_middle_of_the_cell_after_those_that_are_smoothed(decoder, features):
     changed = features.clone()
-    changed[0, :, 1, 2] += torch.arange(CONFIG.latent_dim)
+    changed[0, :, 2, 3] += torch.arange(CONFIG.latent_dim)
     differs = (pixels(decoder, changed) != pixels(decoder, features)).any(1)
-    half = PATCH // CELLS // 2
-    expected = torch.zeros(2, 3 * PATCH, 4 * PATCH, dtype=torch.bool)
-    expected[0, PATCH - half:2 * PATCH + half, 2 * PATCH - half:3 * PATCH + half] = True
+    cell = PATCH // CELLS
+    reach = cell * (len(SMOOTH) // 2) + cell // 2
+    expected = torch.zeros(2, 5 * PATCH, 6 * PATCH, dtype=torch.bool)
+    expected[0, 2 * PATCH - reach:3 * PATCH + reach, 3 * PATCH - reach:4 * PATCH + reach] = True
     assert torch.equal(differs, expected)
 
 
