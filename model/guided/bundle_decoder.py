@@ -7,13 +7,13 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..fields import Channels
+from ..light.edge_stopping import SIDE, TENT
 from ..network.config import ModelConfig
 from ..network.layers import Linear, RMSNorm
 
 SAID = Channels(1, log_factor=3, trust=1)  # of all light, by colour; in the estimate of light that was also traced
 CELLS = 2          # along a side of a bundle, of which it says something of their own
 LARGEST_LOG = 2.0  # factors are between exp(-LARGEST_LOG) and exp(LARGEST_LOG)
-SMOOTH = 1 / 16, 4 / 16, 6 / 16, 4 / 16, 1 / 16  # weights of neighbouring cells, along rows and columns
 
 
 class BundleDecoder(nn.Module):
@@ -40,15 +40,15 @@ class BundleDecoder(nn.Module):
     def at_pixels(self, cells: Tensor, rows: slice) -> Tensor:
         """Cells (V, C, h, w) -> `rows` of the pixels (V, C, H, W), between the middles of cells."""
         first, last = rows.start // self.cell, -(-rows.stop // self.cell)
-        padded = F.pad(cells, (0, 0, 1, 1), mode="replicate")[:, :, first:last + 2]
-        pixels = F.interpolate(padded, scale_factor=self.cell, mode="bilinear", align_corners=False)
+        near = torch.arange(first - 1, last + 1, device=cells.device).clamp(0, cells.shape[2] - 1)
+        pixels = F.interpolate(cells[:, :, near], scale_factor=self.cell, mode="bilinear", align_corners=False)
         begin = rows.start - (first - 1) * self.cell
         return pixels[:, :, begin:begin + rows.stop - rows.start]
 
 
 def smoothed(cells: Tensor) -> Tensor:
     """(V, C, h, w): bundles err each for itself, which shows as blotches on plain walls."""
-    weights, reach = cells.new_tensor(SMOOTH).expand(cells.shape[1], 1, 1, -1), len(SMOOTH) // 2
+    weights, reach = cells.new_tensor(TENT).expand(cells.shape[1], 1, 1, -1), SIDE // 2
     for _ in range(2):  # along rows, and along columns
         padded = F.pad(cells, (reach, reach, 0, 0), mode="replicate")
         cells = F.conv2d(padded, weights, groups=cells.shape[1]).transpose(2, 3)

@@ -21,7 +21,7 @@ from .exposure import display_encode, key_exposure
 from .features import SAMPLES, SURFACE, GuidedView, noise_of, samples_of
 from .pixel_decoder import PixelDecoder
 
-LATENT = 8                         # channels by which the transformer's decoder has a say
+LATENT = 8                         # channels by which the pixel decoder has a say
 INPUTS = Channels(1, image=(3, COLOR), emission=(3, COLOR), traced=(3, COLOR), colors=(9, COLOR), normal=(3, DIRECTION),
                 alpha=1, noise=1, latent=LATENT)
 RADIUS = 2                         # pixels, of a kernel

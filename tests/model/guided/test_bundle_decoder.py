@@ -3,7 +3,8 @@
 import pytest
 import torch
 
-from renderformer_v2.model.guided.bundle_decoder import CELLS, LARGEST_LOG, SAID, SMOOTH, BundleDecoder
+from renderformer_v2.model.guided.bundle_decoder import CELLS, LARGEST_LOG, SAID, BundleDecoder
+from renderformer_v2.model.light.edge_stopping import SIDE
 from renderformer_v2.model.weights.presets import rf2_small
 
 CONFIG = rf2_small()
@@ -45,7 +46,7 @@ def test_what_one_bundle_says_ends_in_the_middle_of_the_cell_after_those_that_ar
     changed[0, :, 2, 3] += torch.arange(CONFIG.latent_dim)
     differs = (pixels(decoder, changed) != pixels(decoder, features)).any(1)
     cell = PATCH // CELLS
-    reach = cell * (len(SMOOTH) // 2) + cell // 2
+    reach = cell * (SIDE // 2) + cell // 2
     expected = torch.zeros(2, 5 * PATCH, 6 * PATCH, dtype=torch.bool)
     expected[0, 2 * PATCH - reach:3 * PATCH + reach, 3 * PATCH - reach:4 * PATCH + reach] = True
     assert torch.equal(differs, expected)
