@@ -34,6 +34,7 @@ class Kind(IntFlag):
     GLASS = auto()          # bends light
     CUTOUT = auto()         # lets light pass straight, such as leaves cut out by alpha
     EMITTER = auto()        # a surface that shines
+    FLAME = auto()          # likewise, and lets light pass straight
     LAMP = auto()           # shines, and is not seen by cameras
     UNSEEN = auto()         # as OPAQUE, but not seen by cameras
     UNSEEN_GLASS = auto()
@@ -42,7 +43,7 @@ class Kind(IntFlag):
 
 
 ALL = ~Kind(0)
-SEEN = Kind.OPAQUE | Kind.GLASS | Kind.CUTOUT | Kind.EMITTER     # by cameras
+SEEN = Kind.OPAQUE | Kind.GLASS | Kind.CUTOUT | Kind.EMITTER | Kind.FLAME  # by cameras
 BENDING = Kind.GLASS | Kind.UNSEEN_GLASS
 SOLID = Kind.OPAQUE | Kind.UNSEEN                                # light ends there
 OCCLUDING = SOLID | BENDING                                      # no light passes straight; lamps shade nothing
@@ -57,9 +58,9 @@ def token_kinds(scene: RenderScene) -> np.ndarray:
     black = (scene.tiles[:, BASE_COLOR].max(axis=(1, 2, 3), initial=0) < BLACK)[scene.tile_index]
     passes, is_seen, is_light = transmission * (1 - metallic) > TRANSPARENT, scene.is_seen, scene.is_light
     straight = passes & (ior < STRAIGHT)
-    cases = ((is_light & is_seen, Kind.EMITTER), (is_light, Kind.LAMP), (straight & is_seen, Kind.CUTOUT),
-             (passes & is_seen, Kind.GLASS), (is_seen, Kind.OPAQUE), (passes & ~straight, Kind.UNSEEN_GLASS),
-             (black, Kind.BACK), (straight, Kind.UNSEEN_CUTOUT))
+    cases = ((is_light & is_seen & straight, Kind.FLAME), (is_light & is_seen, Kind.EMITTER), (is_light, Kind.LAMP),
+             (straight & is_seen, Kind.CUTOUT), (passes & is_seen, Kind.GLASS), (is_seen, Kind.OPAQUE),
+             (passes & ~straight, Kind.UNSEEN_GLASS), (black, Kind.BACK), (straight, Kind.UNSEEN_CUTOUT))
     return np.select([case for case, _ in cases], [int(kind) for _, kind in cases], int(Kind.UNSEEN)).astype(np.int32)
 
 

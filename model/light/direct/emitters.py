@@ -26,11 +26,12 @@ class Limits(NamedTuple):
     bounces: np.ndarray  # (K,) u8, most of its bounces
     groups: np.ndarray   # (K,) u64, of surfaces that it falls on
     blockers: np.ndarray  # (K,) u64, groups of surfaces that stop it
+    is_lamp: np.ndarray  # (K,) bool, that no camera sees them: all others hide none of their light from each other
 
     @classmethod
     def of(cls, scene: RenderScene) -> tuple[Limits, np.ndarray]:
         """And the kind (L,) of each triangle that shines."""
-        each = cls(scene.hidden_from, *map(scene.seldom, ("light_bounces", "lit_groups", "blockers")))
+        each = cls(scene.hidden_from, *map(scene.seldom, ("light_bounces", "lit_groups", "blockers")), ~scene.is_seen)
         table = np.stack([values[scene.is_light].astype(np.uint64) for values in each], axis=1)
         rows, kind = np.unique(table, axis=0, return_inverse=True)
         return cls(*rows.T), kind.reshape(-1)

@@ -10,7 +10,7 @@ from renderformer_v2.model.light.bounce.radiosity import Radiosity
 from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.direct.emitters import gather_emitters
 from renderformer_v2.model.light.sampling import r2_starts
-from renderformer_v2.model.scene import RenderScene, constant_tile
+from renderformer_v2.model.scene import IOR, TRANSMISSION, RenderScene, constant_tile
 from renderformer_v2.model.surface_kinds import Ray
 from tests.model.samples import floor_scene
 
@@ -49,6 +49,19 @@ def test_an_open_sky_is_whole_and_a_wall_hides_half_of_it():
     wall = np.roll(SQUARE, 1, axis=-1) * np.float32((1, 2, 2)) + np.float32((0.2, 0, 0))
     beside = sky(DirectLight(under_a_sky(wall)), torch.tensor([[0.0, 0.0, 0.0]]), UP)
     assert beside.mean().item() == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize(("is_lamp", "transmission", "arrives"), [(True, 0, 0), (False, 0, 1), (True, 1, 1)])
+def test_what_shines_shades_lamps_unless_it_is_a_flame(is_lamp, transmission, arrives):
+    """Surfaces that shine do not shade each other: parts of one lamp shade no others."""
+    scene = floor_scene()
+    scene = replace(scene, seen=~(scene.is_light & is_lamp))
+    plate = under_a_sky(SQUARE * 0.3 + np.float32((0, 0, 1)))
+    plate.emission[:] = 1e-3
+    plate.tiles[:, (TRANSMISSION, IOR)] = np.float32((transmission, 1.0))[:, None, None]
+    shaded = DirectLight(scene.appended(plate))
+    visible = shaded.visibility(torch.zeros(1, 3), UP).emitters[0, 0]
+    assert visible.item() == pytest.approx(arrives, abs=0.05)
 
 
 def test_a_plate_keeps_a_lamp_from_what_is_below_it():
