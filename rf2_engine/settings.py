@@ -290,6 +290,11 @@ class FrameSettings:
         return self.network is Network.GUIDED and self.rays
 
     @property
+    def has_tokens(self) -> bool:
+        """Whether the network reads the scene's triangles as tokens; where rays meet them, it does without."""
+        return not self.follows_specular_paths
+
+    @property
     def renderer(self) -> tuple:
         """What model_cache.renderer takes."""
         return self.weights, self.device, self.precision, self.transformer, self.rays

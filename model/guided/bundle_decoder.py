@@ -11,7 +11,7 @@ from ..light.edge_stopping import SIDE, TENT
 from ..network.config import ModelConfig
 from ..network.layers import Linear, RMSNorm
 
-SAID = Channels(1, log_factor=3, trust=1)  # of all light, by colour; in the estimate of light that was also traced
+SAID = Channels(1, log_factor=3)  # of all light, by colour
 CELLS = 2          # along a side of a bundle, of which it says something of their own
 LARGEST_LOG = 2.0  # factors are between exp(-LARGEST_LOG) and exp(LARGEST_LOG)
 
@@ -25,7 +25,6 @@ class BundleDecoder(nn.Module):
 
     def __init__(self, config: ModelConfig):
         super().__init__()
-        self.cell = config.patch_size // CELLS
         self.norm = RMSNorm(config.view_transformer_latent_dim)
         self.project = Linear(config.view_transformer_latent_dim, len(SAID) * CELLS ** 2)
         for p in self.project.parameters():
@@ -34,16 +33,7 @@ class BundleDecoder(nn.Module):
     def forward(self, features: Tensor) -> Tensor:
         """(V, D, Hg, Wg) -> (V, len(SAID), CELLS Hg, CELLS Wg) f32."""
         said = self.project(self.norm(features.movedim(1, -1))).movedim(-1, 1).float()
-        said = F.pixel_shuffle(said, CELLS)
-        return smoothed(torch.cat([LARGEST_LOG * said[:, SAID["log_factor"]].tanh(), said[:, SAID["trust"]]], 1))
-
-    def at_pixels(self, cells: Tensor, rows: slice) -> Tensor:
-        """Cells (V, C, h, w) -> `rows` of the pixels (V, C, H, W), between the middles of cells."""
-        first, last = rows.start // self.cell, -(-rows.stop // self.cell)
-        near = torch.arange(first - 1, last + 1, device=cells.device).clamp(0, cells.shape[2] - 1)
-        pixels = F.interpolate(cells[:, :, near], scale_factor=self.cell, mode="bilinear", align_corners=False)
-        begin = rows.start - (first - 1) * self.cell
-        return pixels[:, :, begin:begin + rows.stop - rows.start]
+        return smoothed(LARGEST_LOG * F.pixel_shuffle(said, CELLS).tanh())
 
 
 def smoothed(cells: Tensor) -> Tensor:
@@ -53,3 +43,12 @@ def smoothed(cells: Tensor) -> Tensor:
         padded = F.pad(cells, (reach, reach, 0, 0), mode="replicate")
         cells = F.conv2d(padded, weights, groups=cells.shape[1]).transpose(2, 3)
     return cells
+
+
+def at_pixels(cells: Tensor, rows: slice, width: int, cell: int) -> Tensor:
+    """Cells (V, C, h, w) of `cell` pixels -> `rows` of the pixels (V, C, H, width), between the middles of cells."""
+    first, last = rows.start // cell, -(-rows.stop // cell)
+    near = torch.arange(first - 1, last + 1, device=cells.device).clamp(0, cells.shape[2] - 1)
+    pixels = F.interpolate(cells[:, :, near], scale_factor=cell, mode="bilinear", align_corners=False)
+    begin = rows.start - (first - 1) * cell
+    return pixels[..., begin:begin + rows.stop - rows.start, :width]

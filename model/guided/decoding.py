@@ -19,9 +19,9 @@ from .kernels import LATENT
 
 # Share of the estimate where light was also traced; factors of direct and indirect light by lobe and colour; indirect
 # light of lobes that the estimate lacks; light of media; visibility of the strongest emitters and of all other light;
-# what kernels are told. The transformer says the rest.
+# what kernels are told. The transformer says the rest: factors of light without rays, and trust in estimates.
 OF_PIXELS = Channels(1, share=1, direct=9, indirect=9, missing=9, rest=3, visible=STRONGEST + 1, latent=LATENT)
-OUTPUTS = OF_PIXELS.joined(**SAID.sizes())
+OUTPUTS = OF_PIXELS.joined(**SAID.sizes(), trust=1)
 LARGEST_FACTOR = 4.0  # and its inverse is the smallest
 DARK = -3.0           # offset at which softplus adds little
 
@@ -32,8 +32,8 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     Exposed as the view's light is. Zeros leave the light exactly as it is. Where light was traced, there are two
     estimates of it that are right in different places, and the share of either is all that the network decides:
     factors that were learnt from few scenes are wrong in others. For the same reason the transformer's are of light
-    without rays only. Where the user lets no light bounce, which training never did, traced light is believed and
-    nothing is added.
+    without rays only; by rays it says how far the estimate is to be trusted without what pixels would change. Where
+    the user lets no light bounce, which training never did, traced light is believed and nothing is added.
     """
     light, raw = view.light, raw.float()
     untraced = 1 - light.is_traced.view(-1, 1, 1, 1)
@@ -50,7 +50,11 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     corrected = {name: of_all * (getattr(light, name) * indirect[:, lobe] + missing[:, lobe]).clamp_min(0)
                  for name, lobe in fields.items()}
     glow = of_all * (light.glow + added(raw[:, OUTPUTS["rest"]]) * in_media).clamp_min(0)
-    light = replace(light, direct=light.direct * direct * of_all[:, None], glow=glow, **corrected)
+    corrected |= {"direct": light.direct * direct * of_all[:, None], "glow": glow}
+    trust = (raw[:, OUTPUTS["trust"]] * light.has_rays.view(-1, 1, 1, 1)).tanh()
+    believed = {name: torch.lerp(x, getattr(light, name), trust if x.ndim == 4 else trust[:, None]).clamp_min(0)
+                for name, x in corrected.items()}
+    light = replace(light, **believed)
     return replace(light, traced=torch.lerp(light.traced, light.estimate(), share).clamp_min(0) * (1 - untraced))
 
 

@@ -56,28 +56,43 @@ def panorama_size(config: ModelConfig) -> tuple[int, int]:
     return rows, columns
 
 
+class Standardization(nn.Module):
+    """Numbers (..., count) of mean 0 and standard deviation 1 over what a network was trained with."""
+
+    def __init__(self, count: int):
+        super().__init__()
+        self.mean, self.scale = (nn.Parameter(torch.full((count,), value)) for value in (0.0, 1.0))
+
+    def forward(self, x: Tensor) -> Tensor:
+        return ((x - self.mean.float()) * self.scale.float()).clamp(-FARTHEST, FARTHEST)
+
+
 class BundleStatistics(nn.Module):
     """(V, len(FEATURES), h, W) features of pixels -> (V, R, D) of their ray bundles; zeros before it is trained.
 
     Means and standard deviations, and how far traced light is from its estimate: what a product of all pixels cannot
-    tell. Numbers that are part of the weights bring them to mean 0 and deviation 1 over the training's bundles.
+    tell.
     """
 
     SOME = slice(0, FEATURES["emitters"].start)
+    COUNT = 2 * SOME.stop + 3
 
     def __init__(self, config: ModelConfig):
         super().__init__()
-        self.patch_size, count = config.patch_size, 2 * self.SOME.stop + 3
-        self.mean, self.scale = (nn.Parameter(torch.full((count,), value)) for value in (0.0, 1.0))
-        self.project = Linear(count, config.latent_dim, bias=False)
+        self.patch_size = config.patch_size
+        self.standardize = Standardization(self.COUNT)
+        self.project = Linear(self.COUNT, config.latent_dim, bias=False)
         nn.init.zeros_(self.project.weight)
 
     def forward(self, features: Tensor) -> Tensor:
+        return self.project(self.standardize(self.of(features)))
+
+    def of(self, features: Tensor) -> Tensor:
+        """(V, R, COUNT) the numbers themselves."""
         some, difference = features[:, self.SOME], features[:, FEATURES["traced"]] - features[:, FEATURES["estimated"]]
         mean, square, error = (F.avg_pool2d(x, self.patch_size) for x in (some, some.square(), difference.abs()))
         deviation = (square - mean.square()).clamp_min(0).sqrt()
-        statistics = torch.cat([mean, deviation, error], 1).flatten(2).transpose(1, 2)
-        return self.project(((statistics - self.mean.float()) * self.scale.float()).clamp(-FARTHEST, FARTHEST))
+        return torch.cat([mean, deviation, error], 1).flatten(2).transpose(1, 2)
 
 
 class Guidance(nn.Module):

@@ -29,6 +29,7 @@ REACHES = 0.02, 0.1  # network units from a segment over which the score of head
 WIDTH = 32          # of queries and keys
 CONTENT = 16        # of values
 CLEARANCE = 0.03    # network units of a segment, at both ends, in which what shines and what is lit lie themselves
+END = 0.01          # network units beyond what is left of it at which a score has fallen by 1
 FARTHEST = 4.0      # network units to which the segment to a sun goes
 LEAST_FORM_FACTOR = 1e-6
 LEAST_OPENNESS = 0.02
@@ -162,7 +163,9 @@ class GatheringHeads(Heads):
         form_factor = toward.clamp_min(0) * from_behind.abs() / ((math.pi * distance2 + area) * distance2)
         total = form_factor.sum(-1, keepdim=True)
         sharpness = self.sharpness.float()[:, None, None]
-        p, open_ = self.weights(bundles.tokens, k, sharpness * (form_factor + LEAST_FORM_FACTOR).log()[:, None],
+        score = (1 - sharpness) * area.clamp_min(LEAST_FORM_FACTOR).log()[:, None]  # parts weigh as much as the whole
+        score = score + sharpness * (form_factor + LEAST_FORM_FACTOR).log()[:, None]
+        p, open_ = self.weights(bundles.tokens, k, score,
                                 sharpness * (1 - total).clamp_min(LEAST_OPENNESS).log()[:, None], surfaces.exists)
         near = p * distance2.rsqrt()[:, None]
         nearness = near.sum(-1, keepdim=True)
@@ -176,7 +179,7 @@ class GatheringHeads(Heads):
 
 class ShadowHeads(Heads):
     """Scores fall with the distance of triangles from the segments to emitters; nothing in the way scores like one
-    that is a reach away."""
+    that is a reach away. Many small triangles weigh as much as the large one that they make up."""
 
     def __init__(self, width: int):
         super().__init__(len(REACHES), width + len(EMITTER), width)
@@ -202,10 +205,12 @@ class ShadowHeads(Heads):
         inside = ((line @ edges.transpose(2, 3)) * across).amin(0)
         along = (offset[:, None] - origin @ vector.transpose(1, 2)) * across
         beyond = (along - length[..., None] + CLEARANCE).clamp(0, 2) + (CLEARANCE - along).clamp(0, 2)
-        distance2 = inside.clamp(-2, 0).square() + beyond.square()
+        distance2 = inside.clamp(-2, 0).square()
         queries = torch.cat([bundles.tokens.repeat_interleave(STRONGEST, 1), bundles.emitters.flatten(1, 2)], -1)
-        p, free = self.weights(queries, k, -distance2[:, None] * (-2 * self.log_reach.float()).exp()[:, None, None],
-                               -1.0, surfaces.exists)
+        per_reach2 = (-2 * self.log_reach.float()).exp()[:, None, None]
+        area = (vector.norm(dim=-1)[:, None, None] * per_reach2 / (2 * math.pi)).clamp(LEAST_FORM_FACTOR, 1)
+        score = area.log() - distance2[:, None] * per_reach2 - (beyond / END).square()[:, None]
+        p, free = self.weights(queries, k, score, -1.0, surfaces.exists)
         where = (p * along.clamp(0, FARTHEST)[:, None]).sum(-1, keepdim=True)
         found = torch.cat([p @ v, where, free], -1).transpose(1, 2).flatten(2)
         return found.unflatten(1, (-1, STRONGEST)).flatten(2)

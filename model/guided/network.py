@@ -15,14 +15,16 @@ from ..network.renderformer import RenderFormer, SceneContext
 from ..pictures import BAND_PIXELS, bands
 from ..progress import part
 from ..weights.checkpoint import read_network
-from .bundle_decoder import BundleDecoder
+from .bundle_decoder import CELLS, SAID, BundleDecoder, at_pixels
 from .decoding import OF_PIXELS
-from .encoders import EnvironmentEncoder, Guidance, TileEncoder
+from .encoders import BundleStatistics, EnvironmentEncoder, Guidance, TileEncoder
 from .features import FEATURES, GuidedView
+from .fusion import Fusion
 from .guided_inputs import GuidedInputs
 from .kernels import KernelPredictor
 from .light_attention import LightAttention, Surfaces, bundles_of
 from .pixel_decoder import PixelDecoder
+from .reduced_view import reduced
 
 
 @dataclass
@@ -43,6 +45,7 @@ class GuidedRenderFormer(RenderFormer):
         self.light_attention = LightAttention(config)
         width, coarse_width = config.guidance.pixel_decoder_width, config.guidance.pixel_decoder_coarse_width
         self.bundle_decoder = BundleDecoder(config)
+        self.traced_fusion, self.rays_fusion = (Fusion(BundleStatistics.COUNT) for _ in range(2))
         self.pixel_decoder = PixelDecoder(len(FEATURES), width, len(OF_PIXELS), coarse_width)
         self.kernel_predictor = KernelPredictor(config.guidance.kernel_predictor_width)  # of finished pictures
 
@@ -91,12 +94,44 @@ class GuidedRenderFormer(RenderFormer):
         """Ray bundles are at their first hits instead of the camera."""
         return view.positions
 
-    def decode(self, features: list[Tensor], view: GuidedView) -> Tensor:
-        """(V, D, Hg, Wg) of each layer -> (V, len(OUTPUTS), H, W) for `corrected_light` and the kernels."""
-        cells = self.bundle_decoder(features[-1])
+    def render_view(self, context: GuidedContext | None, view: GuidedView, reduction: int = 1) -> Tensor:
+        """Stage 2, fusion and decoders for V views -> what `decode` returns.
+
+        context: not needed where estimates are by rays, which the scene's tokens do not change. reduction: ray bundles
+        are those of pictures smaller by this factor. Raises ValueError as RenderFormer does.
+        """
+        with part(0.0, 0.86, "Gathering light"):
+            bundles = reduced(view, reduction, self.config)
+            cells = self.say(None if view.light.is_by_rays() else self.view_features(context, bundles)[-1], bundles)
+        with part(0.86, 1.0, "Painting the picture"):
+            return self.decode(cells, view, reduction)
+
+    def say(self, features: Tensor | None, view: GuidedView) -> Tensor:
+        """(V, D, Hg, Wg) of the last layer -> (V, len(CELL), h, w): what ray bundles say of their cells."""
+        if features is None:
+            height, width = (CELLS * size // self.config.patch_size for size in view.directions.shape[1:3])
+            factors = view.exposure.new_zeros(len(view.exposure), len(SAID), height, width)
+        else:
+            factors = self.bundle_decoder(features)
+        return torch.cat([factors, self.trust(view, factors)], 1)
+
+    def trust(self, view: GuidedView, like: Tensor) -> Tensor:
+        """(V, 1, h, w), as `like` (V, C, h, w): how far bundles trust the estimate of traced light, or that by rays."""
+        traced, trust = view.light.is_traced, torch.zeros_like(like[:, :1])
+        grid = tuple(size // CELLS for size in like.shape[2:])
+        statistics = None
+        for fusion, share in ((self.traced_fusion, traced), (self.rays_fusion, view.light.has_rays - traced)):
+            if not is_inference() or share.any():
+                statistics = self.guidance.statistics.of(view.features()) if statistics is None else statistics
+                trust = trust + fusion(statistics, view.positions, grid) * share.view(-1, 1, 1, 1)
+        return trust
+
+    def decode(self, cells: Tensor, view: GuidedView, reduction: int = 1) -> Tensor:
+        """What bundles say -> (V, len(OUTPUTS), H, W) for `corrected_light` and the kernels."""
+        cell = self.config.patch_size * reduction // CELLS
 
         def decode(rows: slice) -> Tensor:
-            return torch.cat([self.pixel_decoder(view.features(rows)), self.bundle_decoder.at_pixels(cells, rows)], 1)
+            return torch.cat([self.pixel_decoder(view.features(rows)), at_pixels(cells, rows, width, cell)], 1)
 
         height, width = view.directions.shape[1:3]
         if not is_inference():

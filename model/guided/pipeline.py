@@ -29,15 +29,21 @@ from .features import guided_view, with_exposure
 from .guided_inputs import guided_inputs
 from .kernels import antialiased
 from .network import load_network
+from .reduced_view import reduction_of
 
 
 @dataclass
 class GuidedScene:
-    """A scene's light, and its tokens after stage 1 unless this is a draft."""
+    """A scene's light, and its tokens after stage 1 where light is not estimated by rays."""
 
     light: SceneLight
     context: SceneContext | None = None
-    tokens: int = 0  # length of the sequence
+    is_draft: bool = False
+
+    @property
+    def tokens(self) -> int:
+        """Length of the sequence."""
+        return 0 if self.context is None else len(self.context.tokens)
 
 
 class GuidedPipeline:
@@ -47,7 +53,7 @@ class GuidedPipeline:
         """rays: whether light is estimated by rays; else the network's only estimate is unshadowed direct light."""
         self.network = store_in_precision(load_network(weights_folder(weights)), dtype).to(device).eval()
         self.device, self.config, self.granularity = device, self.network.config, self.network.config.granularity
-        self.mapper, self.rays = load_material_mapper(), rays
+        self.rays, self.mapper = rays, None if rays else load_material_mapper()
 
     def variant(self, picture_size: int) -> str:
         return ""
@@ -65,18 +71,18 @@ class GuidedPipeline:
         with part(0.0, 0.5, "Estimating direct light"):
             direct = DirectLight(scene, self.device)
         with part(0.5, 1.0, "Estimating bounced light"):
-            return GuidedScene(self._light(scene, direct, DRAFT))
+            return GuidedScene(self._light(scene, direct, DRAFT), is_draft=True)
 
     def finished(self, draft: GuidedScene) -> GuidedScene:
         return self._encoded(draft.light.scene, draft.light.direct)
 
     def _encoded(self, scene: RenderScene, direct: DirectLight) -> GuidedScene:
-        with part(0.05, 0.6, "Estimating bounced light"):
-            light = self._light(scene, direct)
-        with part(0.6, 1.0):
-            inputs = guided_inputs(scene, self.config, self.mapper, None if self.rays else direct).to(self.device)
-            context = self.network.encode_scene(inputs)
-        return GuidedScene(light, context, len(context.tokens))
+        if self.rays:
+            with part(0.05, 1.0, "Estimating bounced light"):
+                return GuidedScene(self._light(scene, direct))
+        with part(0.05, 1.0):
+            inputs = guided_inputs(scene, self.config, self.mapper, direct).to(self.device)
+            return GuidedScene(self._light(scene, direct), self.network.encode_scene(inputs))
 
     def _light(self, scene: RenderScene, direct: DirectLight, effort: Effort = FULL) -> SceneLight:
         return SceneLight(scene, direct, Radiosity(scene, direct, effort) if self.rays else None)
@@ -88,7 +94,7 @@ class GuidedPipeline:
               effort: Effort = FULL) -> dict[str, Tensor]:
         """Pictures by field of Lobes, in network exposure; `direct` and `indirect` only if `apart`."""
         is_traced = guides.traced is not None
-        if encoded.context is None or not effort.network:
+        if encoded.is_draft or not effort.network:
             with part(0.0, 0.95, "Estimating direct light"):
                 light = estimate_light(encoded.light, view, guides, effort, apart or not is_traced)
             with part(0.95, 1.0, "Adding the light up"):
@@ -96,7 +102,7 @@ class GuidedPipeline:
         with part(0.0, 0.6, "Estimating direct light"):
             inputs = guided_view(encoded.light, view, guides, self.config, effort)
         with part(0.6, 0.95):
-            raw = self.network.render_view(encoded.context, inputs)
+            raw = self.network.render_view(encoded.context, inputs, reduction_of(view.longer_side))
         with part(0.95, 1.0, "Adding the light up"):
 
             def light(rows: slice) -> SurfaceLight:

@@ -73,17 +73,22 @@ class RenderFormer(SceneEmbedding):
 
         Raises ValueError when H or W is not a multiple of `ModelConfig.granularity`.
         """
+        with part(0.0, 0.86):
+            features = self.view_features(context, rays)
+        with part(0.86, 1.0, "Painting the picture"):
+            return self.decode(features, rays)
+
+    def view_features(self, context: SceneContext, rays: ViewInputs) -> list[torch.Tensor]:
+        """Stage 2 for V views -> (V, D, Hg, Wg) of each layer that the decoder reads. Raises as `render_view`."""
         height, width = rays.directions.shape[1:3]
         side, patch = self.config.granularity, self.config.patch_size
         if height % side or width % side or not height or not width:
             raise ValueError(f"the network renders multiples of {side} pixels, not {width} x {height}")
         with part(0.0, 0.02, "Preparing the view"):
             tokens = self.ray_tokens(context, rays)
-        with part(0.02, 0.86):
-            features = self.view_transformer(tokens, self.ray_positions(rays), (height // patch, width // patch),
-                                             lambda i: self.scene_keys_values(context, i))
-        with part(0.86, 1.0, "Painting the picture"):
-            return self.decode(features, rays)
+        with part(0.02, 1.0):
+            return self.view_transformer(tokens, self.ray_positions(rays), (height // patch, width // patch),
+                                         lambda i: self.scene_keys_values(context, i))
 
     def ray_tokens(self, context: SceneContext, rays: ViewInputs) -> torch.Tensor:
         """(V, R, D) ray tokens before stage 2, which may know the scene."""

@@ -22,10 +22,12 @@ GUIDED_PARAMETERS = 7_100_000
 
 
 def count_tokens(scene: RenderScene, settings: FrameSettings) -> int:
-    """Length of the token sequence of a scene, which published_scene.py has prepared for its weights.
+    """Length of the token sequence of a scene, which published_scene.py has prepared for its weights; 0 without one.
 
     Raises CheckpointError for weights that cannot be read.
     """
+    if not settings.has_tokens:
+        return 0
     lights = int(scene.is_light.sum())
     return _config(settings).sequence_length(lights, len(scene) - lights + len(scene.volumes or ()))
 

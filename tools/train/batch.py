@@ -198,7 +198,7 @@ def gather_light(model: GuidedRenderFormer, tokens: Tensor, batch: Batch) -> Ten
         rays = rays + layer.self_attn(rays, layer.self_attn_norm)
         rays = rays + layer.ffn(layer.ffn_norm(rays))
         features[i] = rays.permute(0, 3, 1, 2)
-    return model.decode([features[i] for i in model.config.decoder_layers], view)
+    return model.decode(model.say(features[model.config.decoder_layers[-1]], view), view)
 
 
 def attend(attention: Attention, queries: Tensor, keys_values: tuple[Tensor, Tensor], mask: Tensor) -> Tensor:

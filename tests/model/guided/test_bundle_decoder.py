@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from renderformer_v2.model.guided.bundle_decoder import CELLS, LARGEST_LOG, SAID, BundleDecoder
+from renderformer_v2.model.guided.bundle_decoder import CELLS, LARGEST_LOG, SAID, BundleDecoder, at_pixels
 from renderformer_v2.model.light.edge_stopping import SIDE
 from renderformer_v2.model.weights.presets import rf2_small
 
@@ -27,7 +27,7 @@ def features() -> torch.Tensor:
 
 
 def pixels(decoder, features, rows=ALL) -> torch.Tensor:
-    return decoder.at_pixels(decoder(features), rows)
+    return at_pixels(decoder(features), rows, 6 * PATCH, PATCH // CELLS)
 
 
 def test_new_weights_leave_light_as_it_is(features):

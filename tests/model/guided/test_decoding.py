@@ -120,9 +120,24 @@ def test_where_light_was_traced_nothing_but_the_share_of_the_estimate_counts():
     for name, values in vars(view.light).items():
         assert torch.equal(getattr(corrected, name), values), name
     alone = inputs()
-    believed = corrected_light(outputs(alone, share=5.0, trust=5.0), alone)
+    believed = corrected_light(outputs(alone, share=5.0), alone)
     for name, values in vars(alone.light).items():
         assert torch.equal(getattr(believed, name), values), name
+
+
+def test_the_estimate_by_rays_is_trusted_without_what_pixels_change():
+    view = inputs()
+    changes = {"direct": 0.7, "indirect": -0.5, "missing": 1.0}
+    doubted, half, trusted = (corrected_light(outputs(view, **changes, trust=trust), view)
+                              for trust in (0.0, math.atanh(0.5), 30.0))
+    for name in ("direct", "bounced", "reflected", "refracted"):
+        before, after = getattr(view.light, name), getattr(doubted, name)
+        assert (after - before).abs().max() > 0.01, name
+        torch.testing.assert_close(getattr(half, name), (before + after) / 2)
+        torch.testing.assert_close(getattr(trusted, name), before)
+    alone = inputs(has_rays=False)
+    plain, other = (corrected_light(outputs(alone, **changes, trust=trust), alone) for trust in (0.0, 5.0))
+    assert torch.equal(plain.radiance(), other.radiance())
 
 
 def test_bundles_and_pixels_decide_together_how_far_the_estimate_is_trusted():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model.guided.bundle_decoder import BundleDecoder
+from renderformer_v2.model.guided.fusion import Fusion
 from renderformer_v2.model.guided.kernels import LATENT
 from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.effort import FULL
@@ -34,7 +35,6 @@ def test_the_picture_is_that_of_the_network_and_knows_both_estimates_of_traced_l
     view, guides = floor_view()
     traced = replace(guides, traced=np.full(guides.diffuse_color.shape, 0.25, np.float32))
     encoded = renderer.encode(walls((0.6, 0.2, 0.2)))
-    assert encoded.tokens > len(walls((0.6, 0.2, 0.2)))
     traced_points.clear()
     ours, quick = (encoded.view(view, traced, effort) for effort in (FULL, replace(FULL, network=False)))
     assert traced_points and np.abs(ours - quick).max() > 1e-3
@@ -47,7 +47,6 @@ def test_a_draft_traces_no_shadows_where_light_was_traced(renderer, traced_point
     view, guides = floor_view()
     traced = replace(guides, traced=np.full(guides.diffuse_color.shape, 0.25, np.float32))
     draft = renderer.encode(walls((0.6, 0.2, 0.2)), draft=True)
-    assert draft.tokens == 0 and draft.finished().tokens > 0
     traced_points.clear()
     draft.view(view, traced)
     assert not traced_points
@@ -66,14 +65,16 @@ def test_the_transformer_alone_needs_no_rays(traced_points):
     assert np.abs(picture - with_rays.view(view, guides)).max() > 1e-3
 
 
-@pytest.mark.parametrize(("is_traced", "least"), [(False, 0.02), (True, 1e-3)])
-def test_what_the_tokens_say_changes_the_picture(is_traced, least, monkeypatch):
-    """A decoder can do without them, and training has ended so: all of it was convolution, and no test knew."""
+@pytest.mark.parametrize(("speaker", "rays", "is_traced", "least"), [
+    (BundleDecoder, False, False, 0.02), (Fusion, True, True, 1e-3), (Fusion, True, False, 1e-3)])
+def test_what_attention_says_changes_every_picture(speaker, rays, is_traced, least, monkeypatch):
+    """A decoder can do without it, and training has ended so: all of it was convolution, and no test knew."""
     view, guides = floor_view()
     if is_traced:
         guides = replace(guides, traced=np.full(guides.diffuse_color.shape, 0.25, np.float32))
-    encoded = Renderer(device="cpu", precision="fp32", rays=is_traced).encode(walls((0.6, 0.2, 0.2)))
+    encoded = Renderer(device="cpu", precision="fp32", rays=rays).encode(walls((0.6, 0.2, 0.2)))
+    assert (encoded.tokens > len(walls((0.6, 0.2, 0.2)))) is not rays
     picture = encoded.view(view, guides)
-    speak = BundleDecoder.forward
-    monkeypatch.setattr(BundleDecoder, "forward", lambda self, features: 0 * speak(self, features))
+    speak = speaker.forward
+    monkeypatch.setattr(speaker, "forward", lambda self, *inputs: 0 * speak(self, *inputs))
     assert np.abs(encoded.view(view, guides) - picture).max() > least * picture.mean()

@@ -15,7 +15,8 @@ def busy_network() -> GuidedRenderFormer:
     network = new_network(rf2_small())
     network.kernel_predictor = load_network(weights_folder(BUNDLED)).kernel_predictor
     torch.nn.init.normal_(network.pixel_decoder.leave.weight, std=0.01)
-    torch.nn.init.normal_(network.bundle_decoder.project.weight, std=0.01)
+    for part in (network.bundle_decoder, network.traced_fusion, network.rays_fusion):
+        torch.nn.init.normal_(part.project.weight, std=0.01)
     return network.requires_grad_(False).eval()
 
 
