@@ -17,7 +17,7 @@ from .encoders import Standardization
 
 WIDTH, HEADS, LAYERS = 96, 4, 3
 OCTAVES = 4           # of positions
-FARTHEST_LOG = 4.0    # of the factor of squared distances, of the head that sees the least far, at first
+STEEPEST_LOG = 4.0    # of factors of squared distances, of the head that sees the least far, at first
 
 
 class Fusion(nn.Module):
@@ -49,7 +49,7 @@ class FusionLayer(nn.Module):
         super().__init__()
         self.attention_norm, self.ffn_norm = RMSNorm(WIDTH), RMSNorm(WIDTH)
         self.in_proj, self.out_proj = Linear(WIDTH, 3 * WIDTH, bias=False), Linear(WIDTH, WIDTH, bias=False)
-        self.log_slope = nn.Parameter(torch.linspace(0, FARTHEST_LOG, HEADS))
+        self.log_slope = nn.Parameter(torch.tensor([STEEPEST_LOG * head / (HEADS - 1) for head in range(HEADS)]))
         self.ffn = SwiGLU(WIDTH, WIDTH)
 
     def forward(self, x: Tensor, positions: Tensor) -> Tensor:

@@ -58,6 +58,16 @@ def test_every_start_has_an_order_of_its_own_and_always_the_same(tmp_path):
     assert len(set(orders[0][:6])) == len(set(orders[0][6:])) == 6
 
 
+@pytest.mark.parametrize("augmented", [True, False])
+def test_samples_are_turned_only_where_the_stage_says_so(tmp_path, augmented):
+    write(tmp_path, 1)
+    read = Prepared(tmp_path / "cache", None, replace(STILL, augmented=augmented))
+    (tmp_path / "cache").mkdir()
+    corners = [read(next(tmp_path.glob("*.npz")), torch.Generator().manual_seed(seed)).inputs.triangles
+               for seed in range(4)]
+    assert all(torch.equal(corners[0], other) for other in corners[1:]) is not augmented
+
+
 def test_streams_with_any_number_of_workers_yield_together_what_one_would(tmp_path):
     for seed in range(1, 6):
         write(tmp_path / "data", seed)

@@ -35,6 +35,7 @@ class Stage:
     transmission: bool = True    # scenes with glass
     rays: float = 0.25           # share of samples whose traced light is withheld, and of those that
     scene: float = 0.1           # know direct light without shadows only
+    augmented: bool = True       # whether prepared samples are turned, resized, mirrored and recoloured at random
     dense: bool = False          # stage 1 of the network sees all tokens instead of a window
     views: int | None = None     # drawn from those of a sample; only published networks heed this,
     crop: int | None = None      # and the pixels of squares that are cut out of the views

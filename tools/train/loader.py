@@ -151,7 +151,8 @@ class Prepared:
     def __call__(self, path: Path, generator: torch.Generator) -> TrainingSample:
         by_scene_alone = bool(torch.rand((), generator=generator) < self.stage.scene)
         light_inputs = LightInputs.SCENE if by_scene_alone else light_inputs_of(path, self.stage.rays)
-        sample = augment(cached_sample(path, self.cache, light_inputs), generator)
+        sample = cached_sample(path, self.cache, light_inputs)
+        sample = augment(sample, generator) if self.stage.augmented else sample
         return sample if self.mapper is None else with_latents(sample, self.mapper)
 
 
