@@ -18,7 +18,7 @@ PUBLISHED_PARAMETERS = 208_000_000  # without the image encoder
 IMAGE_ENCODER = 78_500_000          # bytes; it stays in float32 on a card
 GUIDED_PIXEL = 720                  # bytes: guides, light of each lobe, decoded channels, of every pixel
 GUIDED_BAND = 600_000_000           # bytes: patches, and light of the pixels that are computed at once
-GUIDED_PARAMETERS = 7_100_000
+GUIDED_PARAMETERS = 7_200_000
 
 
 def count_tokens(scene: RenderScene, settings: FrameSettings) -> int:
