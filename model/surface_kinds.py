@@ -47,6 +47,7 @@ SEEN = Kind.OPAQUE | Kind.GLASS | Kind.CUTOUT | Kind.EMITTER | Kind.FLAME  # by 
 BENDING = Kind.GLASS | Kind.UNSEEN_GLASS
 SOLID = Kind.OPAQUE | Kind.UNSEEN                                # light ends there
 OCCLUDING = SOLID | BENDING                                      # no light passes straight; lamps shade nothing
+SHADING = OCCLUDING | Kind.EMITTER                               # what stops light that comes from elsewhere
 STRAIGHT_THROUGH = Kind.CUTOUT | Kind.UNSEEN_CUTOUT
 REFLECTING = SOLID | BENDING | STRAIGHT_THROUGH
 

@@ -107,24 +107,20 @@ class GuidedRenderFormer(RenderFormer):
             return self.decode(cells, view, reduction)
 
     def say(self, features: Tensor | None, view: GuidedView) -> Tensor:
-        """(V, D, Hg, Wg) of the last layer -> (V, len(CELL), h, w): what ray bundles say of their cells."""
-        if features is None:
-            height, width = (CELLS * size // self.config.patch_size for size in view.directions.shape[1:3])
-            factors = view.exposure.new_zeros(len(view.exposure), len(SAID), height, width)
-        else:
-            factors = self.bundle_decoder(features)
-        return torch.cat([factors, self.trust(view, factors)], 1)
+        """(V, D, Hg, Wg) of the last layer -> (V, len(SAID) + 1, h, w): factors and trust of the cells of ray bundles.
 
-    def trust(self, view: GuidedView, like: Tensor) -> Tensor:
-        """(V, 1, h, w), as `like` (V, C, h, w): how far bundles trust the estimate of traced light, or that by rays."""
-        traced, trust = view.light.is_traced, torch.zeros_like(like[:, :1])
-        grid = tuple(size // CELLS for size in like.shape[2:])
-        statistics = None
-        for fusion, share in ((self.traced_fusion, traced), (self.rays_fusion, view.light.has_rays - traced)):
-            if not is_inference() or share.any():
-                statistics = self.guidance.statistics.of(view.features()) if statistics is None else statistics
-                trust = trust + fusion(statistics, view.positions, grid) * share.view(-1, 1, 1, 1)
-        return trust
+        features: none where the factors would not count.
+        """
+        grid = tuple(size // self.config.patch_size for size in view.directions.shape[1:3])
+        factors = (view.directions.new_zeros(len(view.directions), len(SAID), *(CELLS * side for side in grid))
+                   if features is None else self.bundle_decoder(features))
+        trust = torch.zeros_like(factors[:, :1])
+        if not is_inference() or view.light.is_by_rays():
+            statistics, traced = self.guidance.statistics.of(view.features()), view.light.is_traced
+            for fusion, share in ((self.traced_fusion, traced), (self.rays_fusion, view.light.has_rays - traced)):
+                if not is_inference() or share.any():
+                    trust = trust + fusion(statistics, view.positions, grid) * share.view(-1, 1, 1, 1)
+        return torch.cat([factors, trust], 1)
 
     def decode(self, cells: Tensor, view: GuidedView, reduction: int = 1) -> Tensor:
         """What bundles say -> (V, len(OUTPUTS), H, W) for `corrected_light` and the kernels."""

@@ -8,17 +8,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
 from ..fields import Layout, map_layouts
 from ..network.config import ModelConfig
-from .features import NOISY_SAMPLES, OFFSET_SCALE, SAMPLES, SURFACE, GuidedView
+from .features import OFFSET_SCALE, SAMPLES, SURFACE, GuidedView, noise_of
 
 LONGEST = 256  # pixels of a side up to which nothing is reduced
 LARGEST = 8    # reduction; a power of two, so that bundles of all rectangles of a picture begin at the same pixels
-LEAST_NOISE = (NOISY_SAMPLES / SAMPLES[1]) ** 0.5
+LEAST_NOISE = float(noise_of(np.float32(SAMPLES[1])))
 
 
 def reduction_of(longer_side: int) -> int:
@@ -59,7 +60,7 @@ def reduced(view: GuidedView, reduction: int, config: ModelConfig) -> GuidedView
     offset = (hit / share.clamp_min(1e-6) - repeated(bundles, patch)) * OFFSET_SCALE * (share > 0)
 
     view = map_layouts(view, smaller)
-    surface = dict(zip(SURFACE.parts, view.surface.split([p.stop - p.start for p, _ in SURFACE.parts.values()], 1)))
+    surface = {name: view.surface[:, SURFACE[name]] for name in SURFACE.parts}
     surface |= {"offset": offset, "noise": (surface["noise"] / reduction).clamp_min(LEAST_NOISE)}
     surface |= {name: F.normalize(surface[name], dim=1, eps=1e-3) for name in ("normal", "mirrored")}
     return replace(view, directions=F.normalize(view.directions, dim=-1),

@@ -116,8 +116,8 @@ def test_padding_keeps_the_windows_of_the_picture_and_repeats_its_edge():
     assert (same.width, same.height) == (64, 64)
 
 
-@pytest.mark.parametrize("hinted", [True, False])
-def test_a_part_looks_as_it_does_in_the_picture(renderer, hinted):
+@pytest.mark.parametrize("hinted, off", [(True, 1.5e-2), (False, 1e-2)])
+def test_a_part_looks_as_it_does_in_the_picture(renderer, hinted, off):
     """Nearly: the network does not see what lies outside of the part, and its few rays are others."""
     scene, (view, guides) = floor_scene(), floor_view(320, 192)
     if hinted:
@@ -126,7 +126,7 @@ def test_a_part_looks_as_it_does_in_the_picture(renderer, hinted):
     expected = renderer.encode(scene).view(view, guides)[y:y + height, x:x + width]
     actual = renderer.encode(scene).view(*part_of(view, guides, x, y, width, height))
     assert actual.shape == expected.shape
-    assert np.abs(actual - expected).mean() < 1.5e-2 * expected.mean()
+    assert np.abs(actual - expected).mean() < off * expected.mean()
 
 
 @pytest.mark.parametrize("arguments", [{"device": "cuda"}, {"device": "cpu", "precision": "fp16"}])

@@ -15,7 +15,7 @@ from torch import Tensor
 from ...progress import part
 from ...scene import ANY, RenderScene
 from ...scene_rays import scene_rays
-from ...surface_kinds import OCCLUDING, Kind, Ray
+from ...surface_kinds import OCCLUDING, SHADING, Ray
 from ..chunks import in_chunks
 from ..cutouts import Cutouts
 from ..media.in_scattering import InScattering
@@ -75,7 +75,7 @@ class DirectLight:
         with part(0.5, 1.0):
             self.sky = None
             if self.environment is not None:
-                occluders = TensorRays(rays.among(OCCLUDING | Kind.EMITTER, Ray.SHADOW))
+                occluders = TensorRays(rays.among(SHADING, Ray.SHADOW))
                 self.sky = SkyVisibility(occluders, self.environment, self.fog, self.cutouts)
 
     @property

@@ -19,7 +19,7 @@ from torch.nn import functional as F
 from ...fields import COLOR, DIRECTION, Channels
 from ...scene import RenderScene
 from ...scene_rays import scene_rays
-from ...surface_kinds import OCCLUDING, Kind, Ray
+from ...surface_kinds import OCCLUDING, SHADING, Ray
 from ..cutouts import Cutouts
 from ..fresnel import gain
 from ..media.transmittance import Fog
@@ -72,8 +72,7 @@ class EmitterLight:
         self.fog, self._cutouts = fog, cutouts
         self._fan = to_tensor(fans(emitters.corners))
         self._limits = Limits(*(values[emitters.kind] for values in Limits.of(scene)[0]))
-        self._occluders, self._occluder = _occluders(scene, self._limits)
-        self._occluder = self._occluder.to(device)  # (E,) of each emitter
+        self._occluders, self._occluder = _occluders(scene, self._limits, device)
         self._divide()
 
     def _divide(self) -> None:
@@ -330,15 +329,15 @@ class EmitterLight:
         return direction, sine2.clamp(0, 0.999), beam(direction, self.beam_axis, self.beam_cosine)
 
 
-def _occluders(scene: RenderScene, limits: Limits) -> tuple[list[TensorRays], Tensor]:
+def _occluders(scene: RenderScene, limits: Limits, device: torch.device | str) -> tuple[list[TensorRays], Tensor]:
     """What stops the light of emitters (E,) of some limits, and which of it is that of each, (E,) i64.
 
     Surfaces that shine stop that of lamps alone: no emitter shades itself.
     """
     kinds, occluder = np.unique(np.stack([limits.blockers, limits.is_lamp], 1), axis=0, return_inverse=True)
     rays = scene_rays(scene)
-    return [TensorRays(rays.among(OCCLUDING | Kind.EMITTER if is_lamp else OCCLUDING, Ray.SHADOW, int(groups)))
-            for groups, is_lamp in kinds], torch.from_numpy(occluder.reshape(-1))
+    return [TensorRays(rays.among(SHADING if is_lamp else OCCLUDING, Ray.SHADOW, int(groups)))
+            for groups, is_lamp in kinds], torch.as_tensor(occluder.reshape(-1), device=device)
 
 
 def _arriving(weight: Tensor, visible: Tensor, radiance: Tensor) -> Tensor:

@@ -47,6 +47,7 @@ def test_a_draft_traces_no_shadows_where_light_was_traced(renderer, traced_point
     view, guides = floor_view()
     traced = replace(guides, traced=np.full(guides.diffuse_color.shape, 0.25, np.float32))
     draft = renderer.encode(walls((0.6, 0.2, 0.2)), draft=True)
+    assert draft.is_draft and not draft.finished().is_draft
     traced_points.clear()
     draft.view(view, traced)
     assert not traced_points
