@@ -21,6 +21,7 @@ from ..tensor_rays import TensorRays
 from ..weighted_rows import weighted_rows
 from .bright_patches import BrightPatches
 from .panes import Panes
+from .patch_lobes import PatchLobes
 from .patches import Patches
 
 FOG_REACH = 2.0        # network units from a point: fog beyond dims nothing
@@ -44,6 +45,7 @@ class Gathered:
     # and where rays were aimed
     behind_glass: tuple[Tensor, Tensor] | None = None
     tint: Tensor | None = None  # (P, R + A, 3) colour of `share`, whose mean is 1; None where nothing has one
+    excess: Tensor | None = None  # (P, R + A) as of PatchLobes; None without any
 
     def merged(self, weight: Tensor) -> Gathered:
         """Every K consecutive points as one; weight: (P / K, K), whose means are 1."""
@@ -51,8 +53,9 @@ class Gathered:
         by_ray = self.direction, self.side, row_weight * self.share, row_weight[..., None] * self.sky, self.distance
         join = lambda x: x.reshape(-1, count * x.shape[1], *x.shape[2:])  # noqa: E731
         *merged, distance = map(join, by_ray)
-        return Gathered(*merged, (row_weight * self.through).view(-1, count, 3).mean(1), distance,
-                        tint=None if self.tint is None else join(self.tint))
+        tint, excess = (None if x is None else join(x) for x in (self.tint, self.excess))
+        return Gathered(*merged, (row_weight * self.through).view(-1, count, 3).mean(1), distance, tint=tint,
+                        excess=excess)
 
     def radiance(self, leaving: Tensor, weight: Tensor | None = None) -> Tensor:
         """(P, C) mean of what arrives of the radiance (sides, C) that leaves the patches, RGB any number of times.
@@ -65,6 +68,13 @@ class Gathered:
             return weighted_rows(leaving, self.side, share) / count
         colors = [weighted_rows(leaving[:, i::3], self.side, share * self.tint[..., i]) for i in range(3)]
         return torch.stack(colors, -1).flatten(1) / count
+
+    def with_lobes(self, leaving: Tensor, of_lobes: Tensor, weight: Tensor | None = None) -> Tensor:
+        """The same of `leaving`, of which `of_lobes` (sides, C) goes the way of PatchLobes."""
+        arriving = self.radiance(leaving, weight)
+        if self.excess is None:
+            return arriving
+        return arriving + self.radiance(of_lobes, self.excess if weight is None else self.excess * weight)
 
     def sky_behind_glass(self, weight: Tensor) -> Tensor:
         """(P, 3) mean radiance of the sky behind glass; weight as above."""
@@ -91,7 +101,7 @@ class GatherScene:
         self.size = patches.vector.norm(dim=-1).clamp_min(1e-20).sqrt().repeat(2).to(device)  # of fronts, then of backs
         # The row behind all patches stands for "nothing", and for emitters, whose light is no indirect one.
         self.patch = F.pad(patches.patch, (0, 1), value=self.count).to(device)
-        self.bright = None
+        self.bright = self.lobes = None
         self.corners, self._is_solid = patches.corners.to(device), patches.solid.to(device)
         self._locator = patches.locator.to(device)
         self.fog, self.environment = direct.fog, direct.environment
@@ -113,6 +123,10 @@ class GatherScene:
     def aim(self, importance: Tensor) -> None:
         """Aim rays at patches of such importance (sides,) from now on."""
         self.bright = BrightPatches(self.corners, self._is_solid, self.patch[:-1], importance)
+
+    def spread(self, lobes: PatchLobes) -> None:
+        """Tell how far the light of these lobes goes along rays from now on."""
+        self.lobes = lobes
 
     def gather(self, position: Tensor, normal: Tensor, direction: Tensor, aimed: int = 0, start: Tensor | None = None,
                with_media: bool = True, ray: Ray = Ray.DIFFUSE) -> Gathered:
@@ -156,6 +170,7 @@ class GatherScene:
         share = tint.mean(1)
         color = (tint / share[:, None].clamp_min(1e-9)).view(-1, total, 3) if tint.shape[1] == 3 else None
         sky = (sky[:, None] * tint).unflatten(0, (-1, total))[:, :rays]
+        excess = None if self.lobes is None else self.lobes.excess(side, direction.T).view(-1, total)
         if target is not None:
             density = self.bright.density_by_angle(piece, direction, distance).view(-1, total)
             cosine = (direction.view(-1, total, 3) @ normal[..., None])[..., 0].clamp_min(0)
@@ -163,7 +178,8 @@ class GatherScene:
             balanced[:, rays:] *= piece.view(-1, total)[:, rays:] == target
             share = share * balanced.flatten()
         return Gathered(direction.view(-1, total, 3)[:, :rays], side.view(-1, total), share.view(-1, total), sky,
-                        through, distance.view(-1, total)[:, :rays], fire, behind_glass, color)
+                        through, distance.view(-1, total)[:, :rays], fire, behind_glass, color,
+                        excess)
 
     def hit_sides(self, triangle: Tensor, weights: Tensor, direction: Tensor) -> Tensor:
         """(N,) sides, as Gathered has them, of the patches that rays (N, 3) hit.

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
 from ...progress import part
 from ...scene import ANY, RenderScene
@@ -29,6 +30,7 @@ from ..sampling import cosine_directions, ggx_directions, hashed_starts, r2_star
 from .bright_patches import importance_by_arrival, importance_by_power
 from .final_gather import Gathered, GatherScene
 from .openness import Openness
+from .patch_lobes import PatchLobes
 from .patches import PATCHES, STEEP, make_patches
 
 # At most: more add next to nothing. The last diffuse one is that at the point.
@@ -85,11 +87,14 @@ class Radiosity:
         with part(0.4, 0.5):
             self.caustics, caustic_light = self._trace_caustics(
                 scene, direct.reaching(bounces=lambda bounces: bounces >= THROUGH_GLASS), area, effort.of(PHOTONS))
-        firsts = {}
-        for most, (white, slanting) in lights.items():
+        firsts = {}  # (sides, points, 6) radiance, and that of it which is glossy
+        for most, (white, slanting, _) in lights.items():
             white, slanting = (light.view(-1, count, 3) for light in (white, slanting))
-            firsts[most] = (diffuse + STEEP * metal)[:, None] * lit(white) + layer[:, None] * slanting
-        self.gather_scene.aim(importance_by_power(sum(firsts.values()).mean(1), size))
+            of_lobes = STEEP * metal[:, None] * white + layer[:, None] * slanting
+            firsts[most] = torch.cat([diffuse[:, None] * lit(white) + of_lobes, of_lobes], -1)
+        self.gather_scene.aim(importance_by_power(sum(firsts.values())[..., :3].mean(1), size))
+        if (metal + layer).any():
+            self.gather_scene.spread(_lobes(lights, metal, layer, of_layer, normals.view(-1, count, 3)))
         with part(0.6, 1.0):
             start = hashed_starts(x, 2)
             gathered = self.gather_scene.gather(x, n, cosine_directions(n, effort.of(PATCH_RAYS) // count, start),
@@ -101,36 +106,38 @@ class Radiosity:
         glossy = metal + layer
         through = (diffuse + glossy) * lit(gathered.through + caustic_light)
         # (sides, 3) radiance that leaves all sides of patches, and what of it has bounced diffusely, or through glass
-        self.leaving = self.bounced_before = torch.zeros_like(through)
+        self.leaving = self.bounced_before = self._of_lobes = torch.zeros_like(through)
         for most, first in firsts.items():
-            first = (weight[..., None] * first).mean(1)
+            first, of_lobes = (weight[..., None] * first).mean(1).chunk(2, 1)
             if fire is not None and most == ANY:
                 first = first + (diffuse + glossy) * lit(fire)
             before = through if most == ANY else torch.zeros_like(through)
             most = self._most.at_most(most)
-            glossily, diffusely = _bounce(gathered, first + before, diffuse, glossy, most, lit)
+            glossily, diffusely = _bounce(gathered, first + before, of_lobes, diffuse, glossy, most, lit)
             bounced_before = before + diffusely
             self.bounced_before = self.bounced_before + bounced_before
             if translucent is not None:
                 self.bounced_before = self.bounced_before - _chains(gathered, first, diffuse * translucent, most)
             self.leaving = self.leaving + (first + bounced_before + glossily)
+            self._of_lobes = self._of_lobes + of_lobes
         self.gather_scene.aim(importance_by_arrival(self.leaving, size, gathered.side, gathered.share))
 
     def _light_by_bounces(self, direct: DirectLight, x: Tensor, n: Tensor, f0: Tensor, roughness: Tensor, group: Tensor,
-                          sky_rays: int) -> dict[int, tuple[Tensor, Tensor]]:
+                          sky_rays: int) -> dict[int, tuple[Tensor, ...]]:
         """DirectLight.diffuse_and_layer at points (P, 3) of groups (P,), by the most bounces that light has."""
         bounces = sorted(direct.bounces - {0})  # what bounces nowhere is seen where it falls
-        lights = {most: (torch.zeros_like(x), torch.zeros_like(x)) for most in bounces}
+        lights = {most: tuple(torch.zeros_like(x) for _ in range(3)) for most in bounces}
         kinds = [(most, some) for most in bounces for some in group.unique().tolist()]
         for i, (most, some) in enumerate(kinds):
             light = direct.reaching(some, lambda bounces, most=most: bounces == most)
             rows = slice(None) if (group == some).all() else (group == some).nonzero()[:, 0].to(x.device)
             with part(i / len(kinds), (i + 0.5) / len(kinds)):
                 visibility = light.visibility(x[rows], n[rows], hashed_starts(x[rows], 2), sky_rays)
-            white, slanting = lights[most]
             with part((i + 0.5) / len(kinds), (i + 1) / len(kinds)):
-                white[rows], slanting[rows] = light.diffuse_and_layer(
-                    x[rows] + LIFT * n[rows], n[rows], visibility, f0[rows], roughness[rows])
+                found = light.diffuse_and_layer(x[rows] + LIFT * n[rows], n[rows], visibility, f0[rows],
+                                                roughness[rows])
+                for of_all, of_rows in zip(lights[most], found, strict=True):
+                    of_all[rows] = of_rows
         return lights
 
     def _trace_caustics(self, scene: RenderScene, direct: DirectLight, area: Tensor,
@@ -162,7 +169,8 @@ class Radiosity:
         start = r2_starts(number)
         gathered = self.gather_scene.gather(position, normal, cosine_directions(normal, effort.of_probe(RAYS), start),
                                             effort.of_probe(AIMED), start)
-        light = gathered.through + self.caustics.radiance(position, normal) + gathered.radiance(self.leaving)
+        light = gathered.with_lobes(self.leaving, self._of_lobes)
+        light = light + gathered.through + self.caustics.radiance(position, normal)
         if not self._most.diffusely:
             light = torch.zeros_like(light)
         return (light, gathered.sky_visibility(self.gather_scene.environment)) if with_sky else (light,)
@@ -173,8 +181,8 @@ class Radiosity:
         gathered = self.gather_scene.gather(position, normal, cosine_directions(normal, effort.of_probe(RAYS), start),
                                             effort.of_probe(AIMED), start)
         other = gathered.through + self.caustics.radiance(position, normal)
-        return {kind: gathered.radiance(leaving) + other
-                for kind, leaving in (("all", self.leaving), ("bounced", self.bounced_before))}
+        return {"all": gathered.with_lobes(self.leaving, self._of_lobes) + other,
+                "bounced": gathered.radiance(self.bounced_before) + other}
 
     def fire(self, position: Tensor, normal: Tensor, number: Tensor, effort: Effort = FULL) -> Tensor | None:
         """(P, 3) light of fire, as of `indirect`; None without fire. Traced light contains it."""
@@ -200,13 +208,13 @@ class Radiosity:
         weight = weight / weight.mean(1, keepdim=True).clamp_min(1e-6)
         if not self._most.glossily:
             weight = torch.zeros_like(weight)
-        complete = gathered.radiance(self.leaving, weight) + gathered.sky_behind_glass(weight)
+        complete = gathered.with_lobes(self.leaving, self._of_lobes, weight) + gathered.sky_behind_glass(weight)
         bounced = missed = None
         if traced:
             diffuse = diffuse_ratio[:, None] * (direction @ normal[..., None])[..., 0].clamp_min(0) / math.pi
             share = diffuse / (diffuse + weight * density).clamp_min(1e-6)
             bounced = gathered.radiance(self.bounced_before, weight)
-            missed = (gathered.radiance(self.leaving - self.bounced_before, weight * share)
+            missed = (gathered.with_lobes(self.leaving - self.bounced_before, self._of_lobes, weight * share)
                       + gathered.sky_behind_glass(weight * share))
             if not self._most.diffusely:  # what is traced is all there is
                 bounced, missed = torch.zeros_like(bounced), torch.zeros_like(missed)
@@ -255,18 +263,31 @@ def _through(translucent: Tensor | None, light: Tensor) -> Tensor:
     return torch.lerp(light, light.roll(len(light) // 2, 0), share)
 
 
-def _bounce(gathered: Gathered, light: Tensor, diffuse: Tensor, glossy: Tensor,
+def _lobes(lights: dict[int, tuple[Tensor, ...]], metal: Tensor, layer: Tensor, of_layer: Tensor,
+           normals: Tensor) -> PatchLobes:
+    """The lobes of sides with albedos (sides, 3) and `of_layer` (sides, 2), by normals at points (sides, points, 3)."""
+    light, toward = (sum(kinds).view_as(normals).mean(1) for kinds in list(zip(*lights.values(), strict=True))[1:])
+    metal, layer = metal.mean(1), layer.mean(1)
+    f0, roughness = of_layer.unbind(1)
+    return PatchLobes(F.normalize(normals.mean(1), dim=-1), toward / light.mean(1, keepdim=True).clamp_min(1e-20),
+                      torch.lerp(f0, torch.ones_like(f0), metal / (metal + layer).clamp_min(1e-9)), roughness)
+
+
+def _bounce(gathered: Gathered, light: Tensor, of_lobes: Tensor, diffuse: Tensor, glossy: Tensor,
             most: _Bounces, lit: Callable[[Tensor], Tensor]) -> tuple[Tensor, Tensor]:
     """What becomes of `light` (sides, 3) that leaves the patches, by as many bounces as are allowed: (sides, 3) each.
 
-    Separately by glossy bounces alone, which Cycles' traced light follows from mirrors, and by all others. lit: the
-    light that leaves a side by that which arrives at both, as `_through`.
+    Separately by glossy bounces alone, which Cycles' traced light follows from mirrors, and by all others. of_lobes:
+    (sides, 3), what of the light goes the way of PatchLobes. lit: the light that leaves a side by that which arrives at
+    both, as `_through`.
     """
     after = {(0, 0): light}  # by number of diffuse and of glossy bounces
     for count in range(1, min(most.diffuse + most.glossy, most.all) + 1):
         pairs = [(d, count - d) for d in range(count + 1) if d <= most.diffuse and count - d <= most.glossy]
         before = [pair for pair in after if sum(pair) == count - 1]
-        arriving = dict(zip(before, gathered.radiance(torch.cat([after[pair] for pair in before], 1)).split(3, 1)))
+        leaving = torch.cat([after[pair] for pair in before], 1)
+        arriving = gathered.with_lobes(leaving, of_lobes) if count == 1 else gathered.radiance(leaving)
+        arriving = dict(zip(before, arriving.split(3, 1)))
         for d, g in pairs:
             after[d, g] = sum(([diffuse * lit(arriving[d - 1, g])] if (d - 1, g) in arriving else [])
                               + ([glossy * arriving[d, g - 1]] if (d, g - 1) in arriving else []))

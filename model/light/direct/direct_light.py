@@ -146,18 +146,22 @@ class DirectLight:
 
     def diffuse_and_layer(self, position: Tensor, normal: Tensor, visibility: Visibility | None = None,
                           *layer: Tensor) -> tuple[Tensor, ...]:
-        """The same, and with f0 and roughness (P,) of a dielectric `layer` its weighted light (EmitterLight)."""
+        """The same, and with f0 and roughness (P,) of a dielectric `layer` its weighted light, and where it comes from.
+
+        As EmitterLight.diffuse has them; the sky comes from everywhere.
+        """
         with part(0.0, 0.5):
             visibility = self.visibility(position, normal) if visibility is None else visibility
         with part(0.5, 1.0):
             return in_chunks(CHUNK, self._diffuse, position, normal, *visibility, *layer)
 
     def _diffuse(self, x: Tensor, n: Tensor, sky: Tensor, emitters: Tensor, *layer: Tensor) -> tuple[Tensor, ...]:
-        radiance = [light * emitters for light in self.emitters.diffuse(x, n, *layer)]
+        white, *of_layer = self.emitters.diffuse(x, n, *layer)
+        radiance = [white * emitters, *(light * emitters for light in of_layer[:1])]
         for i, ray in enumerate((Ray.DIFFUSE, Ray.GLOSSY)[:len(radiance)]):
             if (environment := self.sky_seen_by(ray)) is not None:
                 radiance[i] = radiance[i] + environment.irradiance(n) * sky / math.pi
-        return tuple(radiance)
+        return *radiance, *(toward * emitters.mean(1, keepdim=True) for toward in of_layer[1:])
 
     def sample_emitters(self, position: Tensor, normal: Tensor, start: Tensor) -> tuple[Tensor, Tensor]:
         """As EmitterLight.sample."""

@@ -197,13 +197,16 @@ class EmitterLight:
         """Unshadowed radiance (P, 3) leaving a white diffuse surface at points x (P, 3) with unit normals n (P, 3).
 
         With f0 and roughness (P,) of a dielectric `layer` also the same light as the layer weighs it, relative to what
-        it would reflect of light from everywhere, so that its mean albedo can be multiplied with it.
+        it would reflect of light from everywhere, so that its mean albedo can be multiplied with it; and the unit
+        vectors to emitters (P, 3), times the mean of its channels.
         """
         direction, form_factor = self._form_factors(x, n)
         radiance = [form_factor @ self._to_diffuse]
         if layer:
             f0, roughness = layer
-            radiance.append((form_factor * gain(f0, cosines(direction, n), roughness)) @ self._to_glossy)
+            weight = form_factor * gain(f0, cosines(direction, n), roughness)
+            toward = [(weight * axis) @ self._to_glossy.mean(1) for axis in direction]
+            radiance += [weight @ self._to_glossy, torch.stack(toward, -1)]
         return tuple(radiance)
 
     def strongest(self, x: Tensor, n: Tensor, other: Tensor) -> Tensor:

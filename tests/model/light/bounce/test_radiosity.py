@@ -33,6 +33,7 @@ def with_leaving(bounce: Radiosity, leaving: torch.Tensor) -> Radiosity:
     """With other radiance (sides, 1 or 3) that leaves the patches."""
     changed = copy(bounce)
     changed.leaving = leaving.expand(-1, 3)
+    changed._of_lobes = torch.zeros_like(changed.leaving)
     return changed
 
 
@@ -286,7 +287,7 @@ def test_a_slanting_lamp_makes_a_polished_floor_shine_more_than_a_steep_one():
         floor.tiles[:, ROUGHNESS], floor.tiles[:, IOR], floor.tiles[:, BASE_COLOR] = 0.3, 1.3291, 0
         floor.triangles[floor.is_light] += np.float32((aside, 0, 0))
         at, layer, full = torch.zeros(1, 3), torch.tensor([[0.04], [0.67]]), Visibility(*torch.ones(2, 1, 3))
-        arrived, slanting = DirectLight(floor).diffuse_and_layer(at, UP, full, *layer)
+        arrived, slanting, _ = DirectLight(floor).diffuse_and_layer(at, UP, full, *layer)
         bounce = built(floor)
         middle = patches_of(floor).center.norm(dim=-1).argmin()
         shining.append(((slanting / arrived).mean().item(), (bounce.leaving[middle] / arrived).mean().item()))
