@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -108,12 +109,19 @@ def run_inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, l
             cycles_engine.reset(engine, bpy.data, depsgraph)
             with growing.drawable(engine):
                 cycles_engine.render(engine, depsgraph)
+            if engine.test_break() and not partial:
+                _forget_tiles()
+                raise RenderCancelled()
             cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
-        if engine.test_break() and not partial:
-            raise RenderCancelled()
         rendered = _read(engine.get_result(), layer, requested, denoised)
     engine.emptied = emptied
     return rendered
+
+
+def _forget_tiles() -> None:
+    """Cycles removes its file of tiles when it has read it, which takes as long as the picture is large."""
+    for file in Path(bpy.app.tempdir).glob("cycles-tile-buffer-*"):
+        file.unlink(missing_ok=True)
 
 
 def _run_outside(engine, job, requested, why: Exception, report: Report, partial: bool) -> dict[str, Passes]:

@@ -7,6 +7,7 @@ overrides and Esc by itself. It frees the evaluated scene when it ends (unless P
 """
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from enum import Enum, auto
 from typing import NamedTuple
@@ -30,8 +31,10 @@ ALWAYS = {
     "cycles.use_sample_subset": False,
     "cycles.use_layer_samples": "IGNORE",
     "cycles.time_limit": 0.0,
-    "cycles.tile_size": 8192,  # Cycles' largest: smaller tiles take the detour over a file on disk
+    "cycles.use_auto_tile": True,
+    "cycles.tile_size": 8192,  # Cycles' largest
 }
+PIXELS_PER_THREAD = 65536  # of a tile: a fraction of a second for each sample
 FIRST_HITS_ONLY = {
     "cycles.device": "CPU",  # a few samples do not pay for loading GPU kernels
     "cycles.max_bounces": 0,
@@ -141,6 +144,7 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
         engine.add_pass(p.blender_name, len(p.channels), p.channels, layer=layer_name)
 
     settings = ALWAYS | sampling.cycles_settings(depsgraph.scene_eval.cycles.film_exposure) | {
+        "cycles.tile_size": _tile_size(engine, depsgraph, light, threads),
         "cycles.use_denoising": denoise, "render.film_transparent": not model.opaque_film,
         "cycles.film_transparent_glass": model.transparent_glass}
     if threads:
@@ -171,6 +175,19 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
         if light is not Light.ALL and model.catchers is not Catchers.CATCH:
             del rendered["combined"]
     return views
+
+
+def _tile_size(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, light: Light, threads: int) -> int:
+    """Pixels along the side of a tile; the whole picture is one where processors are quick enough for it.
+
+    Cycles does not look at Esc before a tile has another sample. Several tiles take the detour over a file on disk, and
+    are seen in the Image Editor only when all are there.
+    """
+    scene = depsgraph.scene_eval
+    tile = PIXELS_PER_THREAD * (threads or scene.render.threads)
+    is_quick = engine.resolution_x * engine.resolution_y < 8 * tile
+    on_gpu = scene.cycles.device == "GPU" and light is not Light.NONE
+    return ALWAYS["cycles.tile_size"] if is_quick or on_gpu else math.isqrt(tile)
 
 
 def _make_finite(rendered: Passes, report: Report) -> None:

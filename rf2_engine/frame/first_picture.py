@@ -18,8 +18,11 @@ from ..convert.sketch import PIXELS, Sketch
 from .layer import Layer
 
 
-def show(layer: Layer, views: dict[str, View]) -> CopyCache | None:
-    """Write unlit pictures of these views where somebody waits, and return what was read of the scene; else None."""
+def show(layer: Layer, views: dict[str, View], passes: dict[str, dict[str, np.ndarray]]) -> CopyCache | None:
+    """Write unlit pictures of these views where somebody waits, and return what was read of the scene; else None.
+
+    They are added to `passes` of output.unless_stopped.
+    """
     if not is_watched(layer.engine):
         return None
     cache = CopyCache()
@@ -27,8 +30,8 @@ def show(layer: Layer, views: dict[str, View]) -> CopyCache | None:
         sketch = Sketch(copy(layer.depsgraph, Report(), cache=cache.of_meshes(), reads_images=False))
     with progress.part(0.6, 1.0):
         for name, view in views.items():
-            pixels = _picture(sketch, view, layer.settings.film_transparent)
-            pass_table.write(layer.engine, layer.name, {"combined": pixels}, name)
+            passes[name]["combined"] = _picture(sketch, view, layer.settings.film_transparent)
+            pass_table.write(layer.engine, layer.name, passes[name], name)
     return cache
 
 

@@ -77,7 +77,7 @@ def unless_stopped(engine: bpy.types.RenderEngine, layer: str, views: Iterable[s
     """By view a dict of passes, as passes.write takes them, to be filled inside.
 
     If it ends without a picture, they alone remain: whatever Cycles or passes.write showed in Combined meanwhile is
-    taken back. A Combined among the passes is what there is of the picture so far: it remains when the user ends the
+    taken back. A Combined among the passes is what the user sees of the picture so far: it remains when they end the
     render, and not when an error does.
     """
     by_view: dict[str, dict[str, np.ndarray]] = {view: {} for view in views}
@@ -88,8 +88,8 @@ def unless_stopped(engine: bpy.types.RenderEngine, layer: str, views: Iterable[s
             for passes in by_view.values():
                 passes.pop("combined", None)
         elif any("combined" in passes for passes in by_view.values()):
-            engine.report({"INFO"}, "RenderFormer-V2 was stopped: the picture has the light that was traced, and not "
-                                    "all of the network's")
+            engine.report({"INFO"}, "RenderFormer-V2 was stopped: the picture is as it was shown last, without all of "
+                                    "the network's light")
         write_views(engine, layer, by_view)
         raise
 

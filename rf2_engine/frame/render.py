@@ -81,17 +81,17 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     if settings.weights != BUNDLED:
         model_cache.begin_import()
     with threads.limited(settings.threads):
-        with layer.plan.enter(CONVERT):
-            views = layer.views()                                                   # 2. Camera
-            with output.unless_stopped(engine, layer.name, views):
+        views = layer.views()                                                       # 2. Camera
+        with output.unless_stopped(engine, layer.name, views) as passes:
+            with layer.plan.enter(CONVERT):
                 with progress.part(0.0, 0.1):
-                    cache = first_picture.show(layer, views)
+                    cache = first_picture.show(layer, views, passes)
                 with progress.part(0.1, 1.0):
                     scene, framing = layer.convert(cache)                           # 3. Scene
-            view = next(iter(views.values()))
-            tokens_scene = network_input(scene, view, settings, report)
-        layer.plan.set_triangles(len(scene))
-        rendered = _render_passes(layer, views, scene, framing, tokens_scene)       # 4. to 7.
+                view = next(iter(views.values()))
+                tokens_scene = network_input(scene, view, settings, report)
+            layer.plan.set_triangles(len(scene))
+            rendered = _render_passes(layer, views, scene, framing, tokens_scene, passes)   # 4. to 7.
     with layer.plan.enter(WRITE):
         output.write_views(engine, layer.name, rendered.passes)
     reference_report = Report()
@@ -113,35 +113,34 @@ class Rendered(NamedTuple):
 
 
 def _render_passes(layer: Layer, views: dict[str, View], scene: RenderScene, framing: Framing,
-                   tokens_scene: RenderScene) -> Rendered:
-    """tokens_scene: the network's input scene (published_scene.py)."""
+                   tokens_scene: RenderScene, passes: dict[str, Passes]) -> Rendered:
+    """tokens_scene: the network's input scene (published_scene.py). passes: of output.unless_stopped."""
     exposure, network = layer.settings.exposure, LayerNetwork(layer, scene, framing)
-    with output.unless_stopped(layer.engine, layer.name, views) as passes:
-        hits, optics = render_first_hits(layer, scene, views, passes)               # 4. First hits
+    hits, optics = render_first_hits(layer, scene, views, passes)                   # 4. First hits
 
-        def show(lobes: dict[str, Lobes]) -> None:
-            for name, view_hits in hits.items():
-                combined = {"combined": view_hits.composite(lobes[name].radiance, exposure)}
-                pass_table.write(layer.engine, layer.name, passes[name] | combined, name)
-                if view_hits.guides.traced is not None:  # else what is shown at first has no light
-                    passes[name].update(combined)
+    def show(lobes: dict[str, Lobes]) -> None:
+        for name, view_hits in hits.items():
+            combined = {"combined": view_hits.composite(lobes[name].radiance, exposure)}
+            pass_table.write(layer.engine, layer.name, passes[name] | combined, name)
+            if view_hits.guides.traced is not None or "combined" in passes[name]:
+                passes[name].update(combined)  # else it has no light, and nobody has seen a first picture
 
-        show({name: Lobes(view_hits.preview) for name, view_hits in hits.items()})
-        pictures = {name: Picture.unlit(view_hits, exposure) for name, view_hits in hits.items()}
-        light = dict.fromkeys(hits, {})
-        if any(network.can_light(view_hits.guides) for view_hits in hits.values()):
-            network.load()
-            card.warn(layer.settings, tokens_scene, max(view.width * view.height for view in views.values()),
-                      layer.report)
-            with threads.team(layer.settings.threads):
-                if optics:
-                    pictures = network.render_blurred(hits, optics, show)           # 7. Blur
-                else:
-                    pictures = {name: network.render_sharp(name, views[name], view_hits)    # 5. Network
-                                for name, view_hits in hits.items()}
-                if layer.with_lobes:                                                # 6. Passes
-                    light = {name: _divide_light(layer, picture, hits[name], bool(scene.volumes))
-                             for name, picture in pictures.items()}
+    show({name: Lobes(view_hits.preview) for name, view_hits in hits.items()})
+    pictures = {name: Picture.unlit(view_hits, exposure) for name, view_hits in hits.items()}
+    light = dict.fromkeys(hits, {})
+    if any(network.can_light(view_hits.guides) for view_hits in hits.values()):
+        network.load()
+        card.warn(layer.settings, tokens_scene, max(view.width * view.height for view in views.values()),
+                  layer.report)
+        with threads.team(layer.settings.threads):
+            if optics:
+                pictures = network.render_blurred(hits, optics, show)               # 7. Blur
+            else:
+                pictures = {name: network.render_sharp(name, views[name], view_hits)        # 5. Network
+                            for name, view_hits in hits.items()}
+            if layer.with_lobes:                                                    # 6. Passes
+                light = {name: _divide_light(layer, picture, hits[name], bool(scene.volumes))
+                         for name, picture in pictures.items()}
     complete = {name: passes[name] | light[name] | _picture_passes(picture, hits[name], exposure)
                 | group_passes(layer.light_groups, picture.combined, picture.guides, picture.lobes, hits[name], scene)
                 for name, picture in pictures.items()}

@@ -1,13 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Traced hints: shadows and mirrors are there, bounced light is not, and the published network never sees them."""
+from pathlib import Path
+
 import bpy
 import numpy as np
 import pytest
 
+import cycles.engine as cycles_engine
+from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine import compat
+from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import run as cycles_run
+from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import session as cycles_session
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_hits as first_hits
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame.first_hits import make_guides
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress.cycles_text import EngineText
 from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings, Light
 
 from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12
@@ -134,6 +141,31 @@ def test_traced_light_leaves_the_scene_as_it_was(scene, tmp_path):
     bpy.ops.render.render(scene=scene.name)  # with the bounces of the scene, not ours
     scene.render.engine = "RENDERFORMER_V2"
     np.testing.assert_allclose(press_f12(scene, tmp_path)["ViewLayer.Combined"], first, atol=0.02)
+
+
+def test_tiles_of_large_pictures_change_nothing_and_leave_no_file_after_esc(shadowed, tmp_path, monkeypatch):
+    shadowed.render.resolution_x, shadowed.render.resolution_y = 300, 40
+    whole = press_f12(shadowed, tmp_path)
+    monkeypatch.setattr(cycles_session, "PIXELS_PER_THREAD", 100)
+    texts = []
+
+    def read(text, real=EngineText.read):
+        texts.append(real(text))
+        return texts[-1]
+    monkeypatch.setattr(EngineText, "read", read)
+    tiled = press_f12(shadowed, tmp_path)
+    assert any("Tiles" in text for text in texts)
+    for name, pixels in whole.items():
+        np.testing.assert_allclose(tiled[name], pixels, atol=1e-3)
+
+    def finish(*_):
+        raise RenderCancelled()
+    monkeypatch.setattr(cycles_engine, "render_frame_finish", finish)  # nobody can press Esc without a window
+    press_f12(shadowed, tmp_path)
+    left = [*Path(bpy.app.tempdir).glob("*.exr")]
+    assert len(left) == 1
+    cycles_run._forget_tiles()
+    assert not left[0].exists()
 
 
 def test_fog_is_as_bright_and_as_smooth_as_that_of_cycles(scene, tmp_path):

@@ -4,10 +4,10 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
+from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled, SceneError
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying import cache as copies
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_picture
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_hits, first_picture
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame.layer import Layer
 
 from tests.rf2_engine.f12 import cube, material, press_f12, sun
@@ -58,12 +58,15 @@ def test_large_pictures_are_drawn_in_squares(still, watched, tmp_path, monkeypat
     assert abs(watched[0][0][..., 3].mean() - shown[..., 3].mean()) < 0.1
 
 
-def test_of_a_render_that_ends_before_there_is_light_nothing_stays(still, watched, tmp_path, monkeypatch):
-    def cancelled(*_):
-        raise RenderCancelled()
-    monkeypatch.setattr(Layer, "convert", cancelled)
+@pytest.mark.parametrize("end, stays", [(RenderCancelled, True), (SceneError, False)])
+@pytest.mark.parametrize("step", [(Layer, "convert"), (first_hits.cycles_session, "render_views")])
+def test_what_was_shown_first_stays_after_esc(still, watched, tmp_path, monkeypatch, step, end, stays):
+    def ended(*_, **__):
+        raise end("ended")
+    monkeypatch.setattr(*step, ended)
     left = press_f12(still, tmp_path, may_fail=True)["ViewLayer.Combined"]
-    assert watched[0][0].any() and not left.any()
+    shown = watched[0][0]
+    assert shown.any() and np.array_equal(left, shown) == stays
 
 
 def test_nobody_waits_in_the_background_or_for_an_animation(still, tmp_path):
