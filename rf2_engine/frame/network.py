@@ -134,16 +134,15 @@ class LayerNetwork:
         """The network's light of one view."""
         layer = self._layer
         with layer.plan.enter(VIEW):
-            lobes = (encoded.lobes(view, guides, layer.with_lobes) if layer.settings.network.has_lobes
-                     else Lobes(encoded.view(view, guides)))
-            if self._scene.negative is not None and not layer.settings.network.has_lobes:
-                layer.report.approximated("Lamps", "negative light is ignored")
-            elif self._scene.negative is not None:
-                if self._negative is None or self._negative.scene is not self._scene:
-                    self._negative = LitAlone(self._renderer, self._scene, lit_by_negative(self._scene),
-                                              view.longer_side)
-                taken = self._negative.light(view, guides, layer.settings.follows_specular_paths)
-                lobes = lobes.without(taken)
+            if not layer.settings.network.has_lobes:
+                lobes = Lobes(encoded.view(view, guides))
+                if self._scene.negative is not None:
+                    layer.report.approximated("Lamps", "negative light is ignored")
+            elif self._scene.negative is None:
+                lobes = encoded.lobes(view, guides, layer.with_lobes)
+            else:
+                taken, given_back = self._negative_light(view, guides)
+                lobes = encoded.lobes(view, given_back, layer.with_lobes).without(taken)
         if layer.light_groups:
             with layer.plan.enter(GROUPS):
                 if self._groups is None or self._groups.scene is not self._scene:
@@ -151,6 +150,20 @@ class LayerNetwork:
                 lobes = replace(lobes, groups=self._groups.light(view, guides, layer.settings.follows_specular_paths))
         self._report_remark()
         return lobes
+
+    def _negative_light(self, view: View, guides: Guides) -> tuple[np.ndarray, Guides]:
+        """(H, W, 3) radiance that lamps of negative strength take away, and the guides as they were without these.
+
+        The network compares traced light with an estimate of the light of other lamps.
+        """
+        if self._negative is None or self._negative.scene is not self._scene:
+            self._negative = LitAlone(self._renderer, self._scene, lit_by_negative(self._scene), view.longer_side)
+        follows_paths = self._layer.settings.follows_specular_paths
+        taken = self._negative.light(view, replace(guides, traced=None), follows_paths)
+        if guides.traced is not None:
+            bounced = self._negative.light(view, guides, follows_paths)
+            guides = replace(guides, traced=guides.traced + (taken - bounced).clip(0))
+        return taken, guides
 
     def _smooth_edges(self, encoded, picture: Picture, hits: FirstHits, wraps: bool) -> Picture:
         """The same picture with smooth edges, in its light and in emission and environment too.
