@@ -329,7 +329,7 @@ class EmitterLight:
         of_polygons = polygon_directions(self.corners, x[..., :polygons])
         of_spheres = sphere_directions(self.centers, self.radii, x[..., polygons:])
         direction, sine2 = (torch.cat(both, -1) for both in zip(of_polygons, of_spheres, strict=True))
-        return direction, sine2.clamp(0, 0.999), beam(direction, self.beam_axis, self.beam_cosine)
+        return direction, sine2.clamp(0, 0.999), beam(direction, sine2, self.beam_axis, self.beam_cosine)
 
 
 def _occluders(scene: RenderScene, limits: Limits, device: torch.device | str) -> tuple[list[TensorRays], Tensor]:

@@ -13,6 +13,8 @@ import math
 import torch
 from torch import Tensor
 
+BLUR = 1.25  # of beams by emitters, which reaches the middle of the next one of a grid of them
+
 
 def polygon_directions(corners: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
     """Unit direction (3, P, E) to polygons (E, K, 3) from points (3, P, E), and its squared angular sine (P, E).
@@ -42,14 +44,18 @@ def cosines(direction: Tensor, vector: Tensor) -> Tensor:
     return _dot(direction, vector.T[..., None])
 
 
-def beam(direction: Tensor, axis: Tensor, cosine: Tensor) -> Tensor:
+def beam(direction: Tensor, sine2: Tensor, axis: Tensor, cosine: Tensor) -> Tensor:
     """(P, E) share of radiance that emitters send along `direction` within the cones of their beams.
 
+    An emitter that looks large, by its squared sine (P, E), beside its cone blurs that: the cone is wider and as much
+    dimmer, so that emitters side by side light what lies before them evenly.
     axis: (E, 3), 0 for emitters without a beam, whose share is 1; cosine: (E, 2), of the cone's rim and core.
     """
-    t = (-_dot(direction, axis.T[:, None]) - cosine[:, 0]) / (cosine[:, 1] - cosine[:, 0]).clamp_min(1e-4)
+    rim = 1 - cosine[:, 0]
+    wider = 1 + BLUR * sine2 / rim.clamp_min(1e-6)
+    t = (rim - (1 + _dot(direction, axis.T[:, None])) / wider) / (cosine[:, 1] - cosine[:, 0]).clamp_min(1e-6)
     t = t.clamp(0, 1)
-    return (t * t * (3 - 2 * t)).where(axis.square().sum(-1) > 0.25, 1.0)
+    return (t * t * (3 - 2 * t) / wider).where(axis.square().sum(-1) > 0.25, 1.0)
 
 
 def sphere_form_factor(cosine: Tensor, sine2: Tensor) -> Tensor:

@@ -21,7 +21,7 @@ from .shapes import DARK, black, shining
 BALL_RADIUS = 0.01            # of the scene radius: least size of a point or spot lamp
 SUN_ANGLE = math.radians(0.5)  # least diameter of a sun
 SUN_DISTANCE = 50             # scene radii
-LEAST_SPREAD = math.radians(2)  # of an area lamp: narrower beams are lost in the precision of their cosines
+LEAST_SPREAD = math.radians(0.5)  # of an area lamp, whose size blurs narrower beams anyway
 CELL = 0.35                   # scene radii: target for the side of one cell of an area lamp
 DOWN, NOWHERE = np.array([0.0, 0.0, -1.0]), np.zeros(3)  # where a lamp shines in its frame; of light without a beam
 WIDEST_SHADE = math.radians(80)  # of the black shade around a lamp that shines one way
@@ -74,14 +74,10 @@ def _area(lamp: PlacedLamp) -> RenderScene:
     else:
         cells = np.clip(np.ceil(size / (CELL * lamp.scene_radius)), 1, lamp.detail.most_cells).astype(int)
         front, back = shapes.rectangle(*size, *cells), shapes.rectangle(*size)
-    spread = max(light.spread, LEAST_SPREAD)
-    if light.spread < LEAST_SPREAD:
-        was, now = math.degrees(light.spread), math.degrees(LEAST_SPREAD)
-        lamp.approximated(f"in estimated light its spread is {now:.0f} instead of {was:.2g} degrees")
-    elif spread < math.pi - 0.01:
-        lamp.approximated(f"with a spread of {math.degrees(spread):.0f} degrees its estimated light falls off "
+    if light.spread < math.pi - 0.01:
+        lamp.approximated(f"with a spread of {math.degrees(light.spread):.0f} degrees its estimated light falls off "
                           "slightly differently")
-    gain, border = fit_spread_beam(spread)
+    gain, border = fit_spread_beam(max(light.spread, LEAST_SPREAD))
     per_watt = 1 / (math.pi * (shapes.area(front) if normalized(light) else 1))
     scene = black(lamp.to_world(back[:, ::-1] + [0, 0, 0.01 * size.min()]))
     for strength, axis, cosines in beams(lamp, Cone(gain * lamp.strength, DOWN, border), facing=True):
