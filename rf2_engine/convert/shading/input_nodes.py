@@ -10,6 +10,7 @@ from .node_call import NodeCall
 from .noise.hashing import LARGEST, jenkins
 
 BOUNCED = "Ray Depth", "Ray Length"  # one bounce away from the camera
+SINES2 = (np.arange(64) + 0.5) / 64  # squared sines of directions that are spread as light on a matte surface
 PATHS = {  # outputs of Light Path that are 1
     Ray.CAMERA: ("Is Camera Ray",),
     Ray.DIFFUSE: ("Is Diffuse Ray", "Is Reflection Ray", "Diffuse Depth", *BOUNCED),
@@ -39,16 +40,25 @@ def tell_path(output: str, ray: Ray = Ray.DIFFUSE) -> float:
 
 
 def fresnel(n: NodeCall):
-    """Seen at normal incidence: a tile knows no viewing direction."""
-    n.approximated("it depends on the view: its value for a view at right angles is used")
+    """The mean over all directions, as light that bounces meets it: a tile knows no viewing direction."""
+    n.approximated("it depends on the view: its mean over all views is used")
     if n.kind == "ShaderNodeLayerWeight":
         blend = np.clip(n["Blend"], 0, 0.999)
-        return _normal_reflectance(1 / (1 - blend)) if n.output.name == "Fresnel" else np.zeros(1, np.float32)
-    return _normal_reflectance(n["IOR"])
+        if n.output.name == "Facing":
+            power = np.where(blend < 0.5, 2 * blend, 0.5 / (1 - blend))  # 1 - cosine ** power
+            return power / (power + 2)
+        return _mean_reflectance(1 / (1 - blend))
+    return _mean_reflectance(n["IOR"])
 
 
-def _normal_reflectance(ior):
-    return ((ior - 1) / (ior + 1)) ** 2
+def _mean_reflectance(ior):
+    """Of light that arrives evenly at a dielectric: Fresnel's formula, by the squared sine of its direction."""
+    ior, total = np.maximum(ior, 1e-5), 0
+    for sine2 in SINES2:
+        cosine, bent = np.sqrt(1 - sine2), np.sqrt(np.maximum(ior * ior - sine2, 0))  # 0: total reflection
+        across, parallel = (cosine - bent) / (cosine + bent), (ior * ior * cosine - bent) / (ior * ior * cosine + bent)
+        total = total + (across ** 2 + parallel ** 2) / 2
+    return total / len(SINES2)
 
 
 def passed_through(n: NodeCall):

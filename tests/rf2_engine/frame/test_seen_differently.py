@@ -2,6 +2,7 @@
 """Surfaces that cameras, mirrors, shadow rays and bounced light see differently, beside Cycles."""
 import pytest
 
+from tests.rf2_engine.f12 import material
 from tests.rf2_engine.rooms import assert_alike, beside_cycles, by_ray, lamp, panel, remarks, room
 
 RED, GREEN = ("BsdfDiffuse", {"Color": (0.9, 0.1, 0.1, 1)}), ("Emission", {"Color": (0.1, 0.5, 0.1, 1)})
@@ -38,3 +39,18 @@ def test_rays_pass_what_is_hidden_from_them(scene, tmp_path, flag):
     lamp(scene)
     ours, cycles = beside_cycles(scene, tmp_path)
     assert_alike(ours, cycles)
+
+
+@pytest.mark.parametrize("node, output, rtol", [
+    ("LayerWeight", "Facing", 0.3), ("LayerWeight", "Fresnel", 0.06), ("Fresnel", "Fac", 0.06)])
+def test_light_bounces_off_what_depends_on_the_view_as_its_mean_says(scene, tmp_path, node, output, rtol):
+    walls = material("Velvet")
+    tree = walls.node_tree
+    view, diffuse = tree.nodes.new(f"ShaderNode{node}"), tree.nodes.new("ShaderNodeBsdfDiffuse")
+    if node == "Fresnel":
+        view.inputs["IOR"].default_value = 3
+    tree.links.new(view.outputs[output], diffuse.inputs["Color"])
+    tree.links.new(diffuse.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    room(scene, floor=walls, left=walls, right=walls)
+    lamp(scene)
+    assert_alike(*beside_cycles(scene, tmp_path), rtol=rtol)
