@@ -47,13 +47,14 @@ def cosines(direction: Tensor, vector: Tensor) -> Tensor:
 def beam(direction: Tensor, sine2: Tensor, axis: Tensor, cosine: Tensor) -> Tensor:
     """(P, E) share of radiance that emitters send along `direction` within the cones of their beams.
 
-    An emitter that looks large, by its squared sine (P, E), beside its cone blurs that: the cone is wider and as much
+    An emitter that looks large, by its squared sine (P, E), beside a narrow cone blurs that: it is wider and as much
     dimmer, so that emitters side by side light what lies before them evenly.
     axis: (E, 3), 0 for emitters without a beam, whose share is 1; cosine: (E, 2), of the cone's rim and core.
     """
-    rim = 1 - cosine[:, 0]
-    wider = 1 + BLUR * sine2 / rim.clamp_min(1e-6)
-    t = (rim - (1 + _dot(direction, axis.T[:, None])) / wider) / (cosine[:, 1] - cosine[:, 0]).clamp_min(1e-6)
+    rim, core = cosine.unbind(1)
+    wider = 1 + BLUR * sine2 * rim.clamp_min(0) / (1 - rim).clamp_min(1e-6)
+    toward = -_dot(direction, axis.T[:, None])
+    t = (toward - rim + (1 - toward) * (1 - 1 / wider)) / (core - rim).clamp_min(1e-6)
     t = t.clamp(0, 1)
     return (t * t * (3 - 2 * t) / wider).where(axis.square().sum(-1) > 0.25, 1.0)
 
