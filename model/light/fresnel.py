@@ -18,6 +18,8 @@ from .sampling import ggx_directions
 GRID = 24, 32       # roughnesses and cosines in the table
 RAYS = 256          # of each entry
 LEAST_ALBEDO = 1e-3
+MEAN_SLANT = 1 / 21         # of `slant` over uniform light
+SMOOTH = 4.08567, 1.00071   # of the mean reflectance of a smooth dielectric (Kulla and Conty 2017)
 
 
 def schlick(f0: Tensor, cosine: Tensor) -> Tensor:
@@ -34,6 +36,24 @@ def lobe_albedo(f0: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
     """(P,) share of uniform light that the lobe reflects to a viewer at this cosine, without light between facets."""
     straight, slanting = _split_sum(cosine, roughness)
     return (f0 * straight + slanting).clamp_min(LEAST_ALBEDO)
+
+
+def layer_albedo(f0: Tensor, roughness: Tensor, facets: Tensor | None = None) -> Tensor:
+    """(P,) share of uniform light that dielectric layers reflect.
+
+    f0, roughness (perceptual): (P,); facets: (P,), another roughness that they are blurred to. Light between facets is
+    made up for by the roughness of the layer itself, as in Cycles (Kulla and Conty 2017).
+    """
+    def uniform(roughness: Tensor) -> tuple[Tensor, Tensor]:
+        return _split_sum(torch.zeros_like(roughness), roughness, _mean_table(roughness.device))
+
+    amplitude = f0.sqrt()
+    index = (1 + amplitude) / (1 - amplitude).clamp_min(1e-3)
+    smooth = (index - 1) / (SMOOTH[0] + SMOOTH[1] * index)
+    straight, slanting = uniform(roughness if facets is None else facets)
+    grazing = (smooth - f0).clamp_min(0) / MEAN_SLANT / (1 - f0).clamp_min(1e-3)  # 1 in Schlick's approximation
+    between = smooth * (1 / sum(uniform(roughness)) - 1).clamp_min(0)
+    return (f0 * straight + grazing * slanting) * (1 + between)
 
 
 def gain(f0: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:

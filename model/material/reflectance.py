@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much light a dielectric reflects: smooth, rough, and as GGX facets (docs/scene-input.md 3.2; Walter et al. 2007,
-"Microfacet models for refraction through rough surfaces").
+"""How much light a dielectric reflects: straight on, smooth, and as GGX facets (docs/scene-input.md 3.2; Walter et al.
+2007, "Microfacet models for refraction through rough surfaces").
 """
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ import numpy as np
 
 from ..geometry import unit
 
-SMOOTH = 4.08567, 1.00071  # of the mean reflectance of a smooth dielectric (Kulla and Conty 2017)
-ROUGH = 0.78, 1.2          # how much less a rough one reflects: fitted to Cycles' Glossy Color
-BLURRED = 0.45             # least GGX alpha after a diffuse bounce: what Filter Glossy 1 leads to on average
+BLURRED = 0.45  # least GGX alpha after a diffuse bounce: what Filter Glossy 1 leads to on average
 
 
 def normal_reflectance(ior: np.ndarray) -> np.ndarray:
@@ -21,13 +19,6 @@ def normal_reflectance(ior: np.ndarray) -> np.ndarray:
 def blurred(roughness: np.ndarray) -> np.ndarray:
     """Perceptual roughness as Cycles uses it for paths that have bounced off a diffuse surface."""
     return np.maximum(roughness, BLURRED ** 0.5)
-
-
-def layer_reflectance(ior: np.ndarray, roughness: np.ndarray) -> np.ndarray:
-    """Share of the light from all directions that a layer reflects; roughness is perceptual, 0 to 1."""
-    amplitude = np.sqrt(normal_reflectance(np.maximum(ior, 1)))
-    index = (1 + amplitude) / np.maximum(1 - amplitude, 1e-3)
-    return (index - 1) / (SMOOTH[0] + SMOOTH[1] * index) * (1 - ROUGH[0] * roughness ** ROUGH[1])
 
 
 def fresnel(cosine: np.ndarray, ior: np.ndarray) -> np.ndarray:

@@ -15,11 +15,12 @@ from torch.nn import functional as F
 
 from ...clusters import groups_of
 from ...geometry import area_vectors, surfaces
-from ...material.reflectance import blurred, layer_reflectance, normal_reflectance
+from ...material.reflectance import blurred, normal_reflectance
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
 from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, BOUNCED, REFLECTING, SOLID, is_kind
 from ..direct.emitter_light import NearEmitters
+from ..fresnel import layer_albedo
 from ..sampling import R2, hashed_starts, triangle_weights
 from .grouping import group_elements, group_patches
 from .openness import Openness
@@ -136,10 +137,11 @@ def tile_albedo(means: np.ndarray) -> np.ndarray:
     dielectric's layer."""
     base, metallic, transmission = means[:, BASE_COLOR], means[:, METALLIC, None], means[:, TRANSMISSION, None]
     inside = (1 - transmission) + TRANSMITTED * transmission
-    sharp_layer, layer = (layer_reflectance(means[:, IOR, None], roughness) for roughness in
-                     (means[:, ROUGHNESS, None], blurred(means[:, ROUGHNESS, None])))
-    diffuse = (1 - metallic) * (1 - sharp_layer) * base * inside
-    return np.concatenate([diffuse, metallic * base, np.repeat((1 - metallic) * layer, 3, axis=1)], axis=1)
+    f0, blurred_to = map(torch.from_numpy, _layer(means).T)
+    own, sent = (layer_albedo(f0, torch.from_numpy(means[:, ROUGHNESS]), facets)[:, None].numpy()
+                 for facets in (None, blurred_to))
+    diffuse = (1 - metallic) * (1 - own) * base * inside
+    return np.concatenate([diffuse, metallic * base, np.repeat((1 - metallic) * sent, 3, axis=1)], axis=1)
 
 
 def _layer(means: np.ndarray) -> np.ndarray:

@@ -32,7 +32,7 @@ def test_light_behind_a_surface_is_gathered_where_it_lets_light_through():
     guides.transmission_color = guides.diffuse_color
     guides.position = guides.position + np.float32((0, 0, 0.5)) * (guides.alpha[..., None] > 0)  # glass above the floor
     found = estimate_light(light, view, guides)
-    assert found.behind[0, :, 32, 32].min() > 0.01 > 10 * found.bounced[0, :, 32, 32].max()
+    assert found.behind[0, :, 32, 32].min() > 0.009 > 10 * found.bounced[0, :, 32, 32].max()
 
 
 def test_glass_smooth_or_rough_shows_lamps_and_sky_where_its_paths_end():

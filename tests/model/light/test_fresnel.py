@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from renderformer_v2.model.light.direct.glossy_lobe import facet_cosines, small_emitter_share
-from renderformer_v2.model.light.fresnel import gain, lobe_albedo
+from renderformer_v2.model.light.fresnel import gain, layer_albedo, lobe_albedo
 
 UP = torch.tensor([[0.0, 0.0, 1.0]])
 
@@ -60,3 +60,12 @@ def test_a_dielectric_is_lit_less_from_where_the_viewer_is_than_from_opposite_at
     steep, slanted = small_emitter_share(facets, torch.tensor(1e-6), roughness, reflectance)[0]
     of_metal = small_emitter_share(facets, torch.tensor(1e-6), roughness, torch.ones(1))[0]
     assert slanted / steep > 3 * of_metal[1] / of_metal[0]
+
+
+@pytest.mark.parametrize(("roughness", "expected"), [(0.15, 0.087), (0.5, 0.0575), (0.9, 0.027)])
+def test_a_layer_reflects_light_from_everywhere_as_cycles_glossy_color_has_it(roughness, expected):
+    assert layer_albedo(torch.tensor([0.04]), torch.tensor([roughness])).item() == pytest.approx(expected, rel=0.1)
+
+
+def test_no_layer_reflects_nothing():
+    assert layer_albedo(torch.zeros(1), torch.tensor([0.5])) == 0

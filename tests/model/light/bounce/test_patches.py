@@ -9,7 +9,8 @@ from renderformer_v2.model.light.bounce.openness import Openness
 from renderformer_v2.model.light.bounce.patches import Patches, make_patches
 from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.direct.emitter_light import NearEmitters
-from renderformer_v2.model.material.reflectance import BLURRED, layer_reflectance
+from renderformer_v2.model.light.fresnel import layer_albedo
+from renderformer_v2.model.material.reflectance import BLURRED
 from renderformer_v2.model.scene import BASE_COLOR, IOR, ROUGHNESS, RenderScene
 from tests.model.samples import closed_box, flat, floor_scene, walls
 
@@ -107,6 +108,7 @@ def test_a_smooth_layer_takes_its_own_share_of_the_diffuse_light_and_sends_on_as
     scene = floor_scene()
     scene.tiles[:, ROUGHNESS], scene.tiles[:, IOR], scene.tiles[:, BASE_COLOR] = 0.2, 1.3291, 0.5
     diffuse, metal, glossy = patches_of(scene).albedo[0].view(3, 3)[:, 0].tolist()
-    own, of_blurred = (layer_reflectance(np.float32(1.3291), np.float32(x)) for x in (0.2, BLURRED ** 0.5))
-    assert diffuse == pytest.approx(0.5 * (1 - own), rel=1e-3) and glossy == pytest.approx(of_blurred, rel=1e-3)
+    layer = torch.tensor([0.04]), torch.tensor([0.2])
+    own, of_blurred = layer_albedo(*layer).item(), layer_albedo(*layer, torch.tensor([BLURRED ** 0.5])).item()
+    assert diffuse == pytest.approx(0.5 * (1 - own), rel=2e-3) and glossy == pytest.approx(of_blurred, rel=2e-3)
     assert of_blurred < 0.7 * own and metal == 0
