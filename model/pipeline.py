@@ -19,7 +19,8 @@ from .scene import Guides, RenderScene, View
 class Encoded(Protocol):
     """A scene after stage 1, which any number of views share."""
 
-    tokens: int  # length of its sequence
+    tokens: int     # length of its sequence
+    is_draft: bool  # whether stage 1 is missing yet
 
 
 class Pipeline(Protocol):

@@ -34,7 +34,7 @@ from .guided.pipeline import GuidedPipeline
 from .light.effort import FULL, Effort
 from .light_passes import Lobes
 from .normalize import Normalization
-from .pipeline import LobePipeline
+from .pipeline import Encoded, LobePipeline
 from .progress import report
 from .published.bundle_files import AUTOMATIC, is_bundle
 from .published.pipeline import PublishedPipeline
@@ -129,7 +129,7 @@ class Renderer:
         draft = draft and isinstance(self.pipeline, LobePipeline)
         normalized, encode = normalization.scene(scene), self.pipeline.draft if draft else self.pipeline.encode
         encoded = self.fitted(lambda: encode(normalized, variant))
-        return EncodedScene(self, normalization, variant, encoded, draft)
+        return EncodedScene(self, normalization, variant, encoded)
 
 
 @dataclass
@@ -139,13 +139,16 @@ class EncodedScene:
     renderer: Renderer
     normalization: Normalization
     variant: str
-    encoded: object  # what the pipeline's `encode` returned
-    is_draft: bool = False
+    encoded: Encoded
+
+    @property
+    def is_draft(self) -> bool:
+        return self.encoded.is_draft
 
     def finished(self) -> EncodedScene:
         """The scene of a draft after stage 1."""
         renderer = self.renderer
-        return replace(self, encoded=renderer.fitted(lambda: renderer.pipeline.finished(self.encoded)), is_draft=False)
+        return replace(self, encoded=renderer.fitted(lambda: renderer.pipeline.finished(self.encoded)))
 
     def view(self, view: View, guides: Guides, effort: Effort = FULL) -> np.ndarray:
         """(H, W, 3) f32 radiance of surfaces and volumes, premultiplied, scene-linear, row 0 on top.

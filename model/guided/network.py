@@ -75,7 +75,7 @@ class GuidedRenderFormer(RenderFormer):
     def ray_tokens(self, context: GuidedContext, view: GuidedView) -> Tensor:
         """Where no rays were traced, bundles look for the light of surfaces, and for what hides emitters."""
         rays = self.embed_rays(view)
-        return rays if view.light.is_by_rays() else rays + self.found_light(rays, view, context.surfaces)
+        return rays + self.found_light(rays, view, context.surfaces)
 
     def found_light(self, rays: Tensor, view: GuidedView, surfaces: Surfaces) -> Tensor:
         """What `LightAttention` adds to the ray tokens (V, R, D) of views, where there are no rays.

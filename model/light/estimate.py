@@ -105,7 +105,9 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     with part(0.5, 0.6):
         mirrored, has_end = path_end_light("reflected", guides, make_probes, outgoing, filters, direct.device)
     with part(0.6, 0.7):
-        refracted, _ = path_end_light("refracted", guides, make_probes, outgoing, filters, direct.device)
+        refracted = path_end_light("refracted", guides, make_probes, outgoing, filters, direct.device)[0] or {}
+        if with_direct and guides.refracted_light is not None:
+            refracted["direct"] = tensors_on(direct.device)(guides.refracted_light)
         if refracted:  # all kinds at once, which have the same weights
             blurred = frosted(torch.cat(list(refracted.values()), -1), surfaces)
             refracted = dict(zip(refracted, blurred.split(3, -1), strict=True))
@@ -116,13 +118,14 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     def surface_light(bounced: Tensor, glossy: Tensor, kind: str, **other: Tensor) -> SurfaceLight:
         fields = {"bounced": bounced, "behind": behind[kind], "glow": glow, "traced": dark,
                   "reflected": torch.lerp(glossy, mirrored[kind], sharp) if mirrored else glossy,
-                  "refracted": refracted[kind] if refracted else dark} | other
+                  "refracted": refracted.get(kind, dark)} | other
         return SurfaceLight(direct=_stack(lobes), **common, **{k: _channels_first(x) for k, x in fields.items()})
 
     lobes, glow = [dark] * 3, dark
     if with_direct:
         with part(0.7, 1.0):
-            lobes = direct_light(direct, probes, surfaces, guides, sky, gloss.sky, effort)
+            lobes = direct_light(direct, probes, surfaces, sky, gloss.sky, refracted.get("direct"), effort,
+                                 is_traced)
         if surfaces.translucent is not None:
             lobes[0] = torch.lerp(lobes[0], behind["complete"] - behind["bounced"], surfaces.translucent)
         if mirrored and guides.reflected_light is not None:

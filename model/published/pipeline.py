@@ -39,6 +39,7 @@ class PublishedContext:
     emitters: np.ndarray  # (N,) bool: which triangles of the whole scene are lights for the network
     network: RenderFormer
     context: SceneContext
+    is_draft = False
 
     @property
     def tokens(self) -> int:

@@ -116,10 +116,6 @@ class GatherScene:
             with part(0.5, 1.0):
                 self.panes = Panes(scene, direct.sky_seen_by(Ray.TRANSMISSION), device)
 
-    @property
-    def has_fire(self) -> bool:
-        return self._fire is not None
-
     def aim(self, importance: Tensor) -> None:
         """Aim rays at patches of such importance (sides,) from now on."""
         self.bright = BrightPatches(self.corners, self._is_solid, self.patch[:-1], importance)

@@ -13,7 +13,7 @@ from ..effort import Effort
 from ..hit_surfaces import HitSurfaces
 from ..probes import SMOOTH, Probes
 from ..specular.paths import BLURRED
-from .radiosity import Radiosity
+from .radiosity import DiffuseLight, GlossyLight, Radiosity
 
 LEAST_RATIO = 1e-3  # diffuse over glossy albedo, below which the diffuse lobe is invisible
 
@@ -25,12 +25,11 @@ def diffuse_bounces(radiosity: Radiosity, probes: Probes, filters: Iterable[int]
     Both are (h, W, 3), and None if there is none.
     """
     def compute(x: Tensor, n: Tensor, number: Tensor) -> dict[str, Tensor]:
-        light = dict(zip(("light", "sky"), radiosity.indirect_and_sky(x, n, number, effort, with_sky)))
-        fire = radiosity.fire(x, n, number, effort) if with_sky else None
-        return light if fire is None else light | {"fire": fire}
+        light = radiosity.diffuse(x, n, number, effort, with_sky)
+        return _named(light if with_sky else light._replace(fire=None))
 
     pictures = probes.interpolate(compute, filters=filters)
-    return pictures["light"], pictures.get("sky"), pictures.get("fire")
+    return pictures["indirect"], pictures.get("sky"), pictures.get("fire")
 
 
 @dataclass
@@ -54,8 +53,7 @@ def glossy_bounces(radiosity: Radiosity, probes: Probes, surfaces: HitSurfaces, 
                    is_traced: bool, with_sky: bool) -> GlossyPixels:
     """Indirect light of white glossy lobes; what rough ones show is a mean that filters do not blur further."""
     def compute(x: Tensor, n: Tensor, number: Tensor, *gloss: Tensor) -> dict[str, Tensor]:
-        light = radiosity.glossy(x, n, *gloss, number, effort, is_traced, with_sky)._asdict()
-        return {name: value for name, value in light.items() if value is not None}
+        return _named(radiosity.glossy(x, n, *gloss, number, effort, is_traced, with_sky))
 
     is_rough = surfaces.roughness[..., None] > BLURRED
     smooth, rough = (probes.interpolate(
@@ -72,10 +70,14 @@ def outgoing_radiance(radiosity: Radiosity, direct: DirectLight | None, effort: 
     """(P, 3) radiance leaving white diffuse surfaces at points x (P, 3): "bounced" before, and "complete" if `direct`.
     """
     with part(0.0, 0.5):
-        bounced = radiosity.indirect(x, n, number, effort)
+        bounced, fire, _ = radiosity.diffuse(x, n, number, effort, with_sky=False)
     with part(0.5, 1.0):
         if direct is None:
             return {"bounced": bounced}
         arriving = direct.diffuse(x, n, direct.visibility(x, n, sky_rays=effort.of(SKY_RAYS)))
-        fire = radiosity.fire(x, n, number, effort)
         return {"bounced": bounced, "complete": bounced + (arriving if fire is None else arriving + fire)}
+
+
+def _named(light: DiffuseLight | GlossyLight) -> dict[str, Tensor]:
+    """What there is of it."""
+    return {name: value for name, value in light._asdict().items() if value is not None}

@@ -47,6 +47,14 @@ PHOTONS = 1 << 16  # from emitters to glass
 THROUGH_GLASS = 3  # bounces that light has after a surface, and both sides of glass
 
 
+class DiffuseLight(NamedTuple):
+    """Light that white diffuse surfaces send on at P points."""
+
+    indirect: Tensor             # (P, 3) radiance
+    fire: Tensor | None          # (P, 3) the same of fire, which traced light contains; None without fire
+    sky: Tensor | None           # (P, 3) visibility of the sky
+
+
 class GlossyLight(NamedTuple):
     """Light that white glossy surfaces send towards the viewer at P points."""
 
@@ -155,16 +163,12 @@ class Radiosity:
         return (PhotonMap(photons.position, photons.normal, photons.flux),
                 flux[:-1] / (math.pi * area.clamp_min(1e-20).repeat(2)[:, None]))
 
-    def indirect(self, position: Tensor, normal: Tensor, number: Tensor | None = None, effort: Effort = FULL) -> Tensor:
-        """(P, 3) indirect light, as radiance leaving a white diffuse surface at points (P, 3) with normals (P, 3).
+    def diffuse(self, position: Tensor, normal: Tensor, number: Tensor | None = None, effort: Effort = FULL,
+                with_sky: bool = True) -> DiffuseLight:
+        """Light of white diffuse surfaces at points (P, 3) with normals (P, 3).
 
         number: (P,), which consecutive neighbours should have, so that their rays fill each other's gaps.
         """
-        return self.indirect_and_sky(position, normal, number, effort, with_sky=False)[0]
-
-    def indirect_and_sky(self, position: Tensor, normal: Tensor, number: Tensor | None = None, effort: Effort = FULL,
-                         with_sky: bool = True) -> tuple[Tensor, ...]:
-        """The same, and by the same rays the visibility of the sky (P, 3) for a diffuse surface."""
         number = torch.arange(len(position), device=position.device) if number is None else number
         start = r2_starts(number)
         gathered = self.gather_scene.gather(position, normal, cosine_directions(normal, effort.of_probe(RAYS), start),
@@ -173,23 +177,17 @@ class Radiosity:
         light = light + gathered.through + self.caustics.radiance(position, normal)
         if not self._most.diffusely:
             light = torch.zeros_like(light)
-        return (light, gathered.sky_visibility(self.gather_scene.environment)) if with_sky else (light,)
+        sky = gathered.sky_visibility(self.gather_scene.environment) if with_sky else None
+        return DiffuseLight(light, gathered.fire, sky)
 
     def behind(self, position: Tensor, normal: Tensor, number: Tensor, effort: Effort = FULL) -> dict[str, Tensor]:
-        """(P, 3) as of `indirect`: "all" light, and what of it has "bounced" before, which traced light has not."""
+        """(P, 3) as of `diffuse`: "all" light, and what of it has "bounced" before, which traced light has not."""
         start = r2_starts(number)
         gathered = self.gather_scene.gather(position, normal, cosine_directions(normal, effort.of_probe(RAYS), start),
                                             effort.of_probe(AIMED), start)
         other = gathered.through + self.caustics.radiance(position, normal)
         return {"all": gathered.with_lobes(self.leaving, self._of_lobes) + other,
                 "bounced": gathered.radiance(self.bounced_before) + other}
-
-    def fire(self, position: Tensor, normal: Tensor, number: Tensor, effort: Effort = FULL) -> Tensor | None:
-        """(P, 3) light of fire, as of `indirect`; None without fire. Traced light contains it."""
-        if not self.gather_scene.has_fire:
-            return None
-        directions = cosine_directions(normal, effort.of_probe(RAYS), r2_starts(number))
-        return self.gather_scene.gather(position, normal, directions).fire
 
     def glossy(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor, f0: Tensor,
                diffuse_ratio: Tensor, number: Tensor, effort: Effort = FULL, traced: bool = False,

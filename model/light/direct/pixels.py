@@ -9,12 +9,10 @@ import torch
 from torch import Tensor
 
 from ...progress import part
-from ...scene import Guides
 from ..effort import Effort
-from ..hit_surfaces import HitSurfaces, tensors_on
+from ..hit_surfaces import HitSurfaces
 from ..probes import SMOOTH, Probes
 from ..sampling import r2_starts
-from ..specular.frosted import frosted
 from .direct_light import DirectLight, LobeVisibility
 from .footprints import footprints
 
@@ -34,28 +32,26 @@ def direct_light(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, *re
     return lobes
 
 
-def _direct_light(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, guides: Guides, sky: Tensor,
-                  glossy_sky: Tensor, effort: Effort) -> list[Tensor]:
+def _direct_light(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, sky: Tensor, glossy_sky: Tensor,
+                  refracted: Tensor | None, effort: Effort, is_traced: bool) -> list[Tensor]:
     """Radiance (h, W, 3) that a white diffuse, glossy and transmissive lobe send to the viewer.
 
-    sky, glossy_sky: (h, W, 3) visibility of the sky, as gather rays have found it. Where refractions were followed, the
-    transmissive lobe shows the light at the ends of their paths. Beside traced light, which has sharp shadows and
+    sky, glossy_sky: (h, W, 3) visibility of the sky, as gather rays have found it. refracted: (h, W, 3) what the
+    transmissive lobe shows, where refractions were followed. Beside traced light, which has sharp shadows and
     highlights, both are coarser.
     """
-    is_traced = guides.traced is not None
     with part(0.0, 2 / 3):
         emitters, glossy_emitters = _shadows(direct, probes, surfaces, effort, is_sharp=not is_traced)
     with part(2 / 3, 1.0):
-        is_followed = guides.refracted_light is not None
-        sky_behind = torch.full_like(surfaces.coverage, not is_followed)
+        sky_behind = torch.full_like(surfaces.coverage, refracted is None)
         visibility = LobeVisibility(sky, emitters, glossy_sky, glossy_emitters, sky_behind)
         points = surfaces.position, surfaces.normal, -surfaces.rays, surfaces.roughness, surfaces.f0
         visibility = LobeVisibility(*(x.flatten(0, 1) for x in visibility))
         footprint = [footprints(surfaces).flatten(0, 1)] if effort.edges and not is_traced else []
         lobes = direct.lobes(*(x.flatten(0, 1) for x in points), visibility, *footprint)
         lobes = [lobe.view_as(surfaces.position) * surfaces.is_covered for lobe in lobes]
-        if is_followed:
-            lobes[2] = frosted(tensors_on(direct.device)(guides.refracted_light), surfaces)
+        if refracted is not None:
+            lobes[2] = refracted
         return lobes
 
 

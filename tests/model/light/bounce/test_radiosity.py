@@ -40,7 +40,7 @@ def with_leaving(bounce: Radiosity, leaving: torch.Tensor) -> Radiosity:
 def arriving(bounce: Radiosity, points, normals) -> torch.Tensor:
     """(P, 3) indirect light, without the noise of a point's few rays."""
     points, normals = torch.as_tensor(points), torch.as_tensor(normals).expand(len(points), 3)
-    return bounce.indirect(points.repeat(MANY, 1), normals.repeat(MANY, 1)).view(MANY, -1, 3).mean(0)
+    return bounce.diffuse(points.repeat(MANY, 1), normals.repeat(MANY, 1)).indirect.view(MANY, -1, 3).mean(0)
 
 
 def parts(bounce: Radiosity, points, normals) -> tuple[torch.Tensor, torch.Tensor]:
@@ -70,7 +70,7 @@ def test_a_point_that_faces_a_bright_plane_gathers_its_radiance():
         x = 1 / z
         expected = 4 / (2 * np.pi) * 2 * x / np.sqrt(1 + x * x) * np.arctan(x / np.sqrt(1 + x * x))
         assert found == pytest.approx(expected, rel=error)
-    assert built(floor_scene()).indirect(torch.tensor([[0.0, 0.0, 0.5]]), UP).abs().max() == 0  # the lamp alone
+    assert built(floor_scene()).diffuse(torch.tensor([[0.0, 0.0, 0.5]]), UP).indirect.abs().max() == 0  # the lamp
 
 
 def test_a_coloured_wall_bleeds_onto_what_is_near_it():
@@ -189,8 +189,8 @@ def test_a_scene_of_lights_alone_gathers_nothing():
     alone = replace(scene, **{name: getattr(scene, name)[lights] for name in
                               ("triangles", "normals", "emission", "beam_axis", "beam_cosine", "tile_index")})
     bounce, points = built(alone), torch.zeros(3, 3)
-    assert (bounce.indirect(points, torch.eye(3)) == 0).all()
-    assert [x.shape for x in bounce.indirect_and_sky(points[:0], points[:0])] == [(0, 3)] * 2
+    assert (bounce.diffuse(points, torch.eye(3)).indirect == 0).all()
+    assert [x.shape for x in bounce.diffuse(points[:0], points[:0])[::2]] == [(0, 3)] * 2
 
 
 def test_a_small_bright_surface_lights_evenly_because_rays_aim_at_it():
@@ -205,9 +205,9 @@ def test_a_small_bright_surface_lights_evenly_because_rays_aim_at_it():
     shines[rows] = shines[rows + len(shines) // 2] = 1.0
     bounce = with_leaving(bounce, shines[:, None])
     at = torch.rand(512, 3, generator=torch.Generator().manual_seed(0)) * torch.tensor([0.02, 0.02, 0])
-    by_chance = bounce.indirect(at, UP.expand(512, 3))[:, 0]
+    by_chance = bounce.diffuse(at, UP.expand(512, 3)).indirect[:, 0]
     gather_scene.aim(shines)
-    aimed = bounce.indirect(at, UP.expand(512, 3))[:, 0]
+    aimed = bounce.diffuse(at, UP.expand(512, 3)).indirect[:, 0]
     expected = np.linalg.norm(area_vectors(bright), axis=-1).sum() / (math.pi * 0.5 ** 2)
     assert aimed.mean().item() == pytest.approx(expected, rel=0.1)
     assert aimed.std() < 0.1 * expected < by_chance.std()
@@ -299,7 +299,8 @@ def test_light_that_is_asked_for_alone_is_the_same():
     bounce = built(replace(walls((0.8, 0.5, 0.2)), environment=np.full((8, 16, 3), 0.5, np.float32)))
     at, row = torch.zeros(3, 3), torch.arange(3)
     up = UP.expand(3, 3)
-    assert torch.equal(bounce.indirect(at, up, row), bounce.indirect_and_sky(at, up, row)[0])
+    light, both = (bounce.diffuse(at, up, row, with_sky=with_sky) for with_sky in (False, True))
+    assert torch.equal(light.indirect, both.indirect) and light.sky is None and both.sky is not None
     eye = torch.nn.functional.normalize(torch.ones(1, 3), dim=-1)
     for traced in False, True:
         both, light = (glossy(bounce, (0.0, 0.0, 0.0), eye, 0.3, traced=traced, with_sky=with_sky)

@@ -125,7 +125,7 @@ def test_light_that_glass_gathers_bounces_on():
     under, found = torch.tensor([[0.0, 0.0, 0.2]]), []
     for plate in of_glass(pane(0.3, 0.01, half=1.5)), flat(np.float32(pane(0.3, 0.01, half=1.5)), (0.0, 0.0, 0.0)):
         scene = floor_scene().appended(plate)
-        found.append(Radiosity(scene, DirectLight(scene)).indirect(under, -UP)[0])
+        found.append(Radiosity(scene, DirectLight(scene)).diffuse(under, -UP).indirect[0])
     assert (found[0] > 0.005).all() and (found[0] > 5 * found[1]).all()
 
 

@@ -62,7 +62,7 @@ def test_fog_lights_surfaces_with_about_what_it_takes_from_them():
     direct = DirectLight(scene)
     point, up = torch.tensor([[0.1, 0.2, -0.5]]), torch.tensor([[0.0, 0.0, 1.0]])
     from_sky = direct.diffuse(point, up)[0]
-    from_fog = Radiosity(scene, direct).indirect(point, up)[0]
+    from_fog = Radiosity(scene, direct).diffuse(point, up).indirect[0]
     assert (from_fog > 0.07).all() and (from_sky < 0.93).all()
     torch.testing.assert_close(from_sky + from_fog, torch.ones(3), atol=0.03, rtol=0)
 
