@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from .compute.threads import spread
+from .compute.threads import Once, spread
 
 CHUNK = 1 << 16  # rays between two progress reports: about 0.02 s
 
@@ -35,28 +35,36 @@ class Caster(Protocol):
 class Rays:
     """Rays against triangles (T, 3, 3), in the units and the frame of the triangles.
 
-    Triangles have no front: rays hit them from both sides. A ray that starts on a triangle may hit it.
+    Triangles have no front: rays hit them from both sides. A ray that starts on a triangle may hit it. The first rays
+    build the tree: a scene has more kinds of surfaces than every picture asks for.
     """
 
     fallback: Callable[[np.ndarray], Caster] | None = None  # makes the caster of triangles where Embree is absent
 
     def __init__(self, triangles: np.ndarray):
-        self._caster = _make_caster(np.ascontiguousarray(triangles, np.float32)) if len(triangles) else None
+        self._triangles, self._is_empty, self._made = triangles, not len(triangles), Once()
 
     def closest(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
         """The first hits from points (P, 3), or from one point, along directions (P, 3)."""
-        if self._caster is None or not len(direction):
+        if self._is_empty or not len(direction):
             count = len(direction)
             return Hits(np.full(count, -1, np.int32), np.full(count, np.inf, np.float32),
                         np.zeros((count, 2), np.float32))
-        return Hits(*map(np.concatenate, zip(*spread(self._caster.closest, _chunks(origin, direction)), strict=True)))
+        return Hits(*map(np.concatenate, zip(*spread(self._caster().closest, _chunks(origin, direction)), strict=True)))
 
     def blocked(self, origin: np.ndarray, direction: np.ndarray,
                 distance: np.ndarray | float = np.inf) -> np.ndarray:
         """(P,) bool: whether anything is hit within a distance (P,), in lengths of the directions."""
-        if self._caster is None or not len(direction):
+        if self._is_empty or not len(direction):
             return np.zeros(len(direction), bool)
-        return np.concatenate(spread(self._caster.blocked, _chunks(origin, direction, distance)))
+        return np.concatenate(spread(self._caster().blocked, _chunks(origin, direction, distance)))
+
+    def _caster(self) -> Caster:
+        def make() -> Caster:
+            caster, self._triangles = _make_caster(np.ascontiguousarray(self._triangles, np.float32)), None
+            return caster
+
+        return self._made.get(make)
 
 
 class EmbreeCaster:

@@ -7,7 +7,7 @@ import pytest
 
 from renderformer_v2.model import progress, rays
 from renderformer_v2.model.errors import RenderCancelled
-from renderformer_v2.model.rays import Rays
+from renderformer_v2.model.rays import EmbreeCaster, Rays
 
 SQUARE = np.float32([[[-1, -1, 0], [1, -1, 0], [1, 1, 0]], [[-1, -1, 0], [1, 1, 0], [-1, 1, 0]]])
 rng = np.random.default_rng(0)
@@ -105,11 +105,16 @@ def test_pieces_and_threads_change_nothing(monkeypatch):
 def test_without_embree_its_fallback_is_asked_or_the_package_named(monkeypatch):
     monkeypatch.setattr(rays, "has_embree", lambda: False)
     monkeypatch.setattr(Rays, "fallback", None)
+    origin, direction = some(5)
     with pytest.raises(ModuleNotFoundError, match="pip install embreex"):
-        Rays(SQUARE)
+        Rays(SQUARE).closest(origin, direction)
     made = []
-    Rays.fallback = lambda triangles: made.append(triangles)
-    Rays(SQUARE)
+    Rays.fallback = lambda triangles: made.append(triangles) or EmbreeCaster(triangles)
+    asked = Rays(SQUARE)
+    assert not made  # until there are rays
+    asked.closest(origin, direction)
+    asked.blocked(origin, direction)
+    assert len(made) == 1
     np.testing.assert_array_equal(made[0], SQUARE)
 
 

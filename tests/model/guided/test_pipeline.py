@@ -55,14 +55,15 @@ def test_a_draft_traces_no_shadows_where_light_was_traced(renderer, traced_point
     assert traced_points
 
 
-def test_the_transformer_alone_needs_no_rays(traced_points):
+def test_the_transformer_alone_needs_no_rays_and_no_trees_for_them(traced_points, monkeypatch):
     """Its picture is another one, and the scene may as well hide everything from each other."""
     view, guides = floor_view()
-    alone, with_rays = (Renderer(device="cpu", precision="fp32", rays=rays).encode(walls((0.6, 0.2, 0.2)))
-                        for rays in (False, True))
-    traced_points.clear()
-    picture = alone.view(view, guides)
+    alone, with_rays = (Renderer(device="cpu", precision="fp32", rays=rays) for rays in (False, True))
+    with monkeypatch.context() as without:
+        without.delattr("renderformer_v2.model.rays._make_caster")
+        picture = alone.encode(walls((0.6, 0.2, 0.2))).view(view, guides)
     assert not traced_points and np.isfinite(picture).all() and picture.max() > 0.01
+    with_rays = with_rays.encode(walls((0.6, 0.2, 0.2)))
     assert np.abs(picture - with_rays.view(view, guides)).max() > 1e-3
 
 
