@@ -15,6 +15,7 @@ from .status_line import status_line
 
 REDRAW_INTERVAL = 0.1  # seconds; in background mode every status is a line of output
 HOLD_INTERVAL = 0.02   # seconds between two updates of a bar that Cycles moves as well
+MEASURE_INTERVAL = 0.02  # seconds between two looks at the memory, which wait for the system
 PRINT_INTERVAL = 2.0   # seconds between two lines of output about Cycles, in background mode
 
 
@@ -31,6 +32,7 @@ class Status:
         self._has_line = False  # the status line says how much time remains
         self._memory_before = memory.measure()
         self._peak = self._memory_before[0]  # MiB, since this view layer began
+        self._measured = 0.0
 
     @contextmanager
     def during_cycles(self, words: str, share: float = 1.0, time_limit: float = 0.0,
@@ -87,9 +89,11 @@ class Status:
         """Display a stage and its fraction. Raises RenderCancelled after Esc, or when the add-on is being disabled."""
         if self.esc_pressed() or running.is_stopping():
             raise RenderCancelled()
-        used = self._measure_memory()
         now = time.perf_counter()
-        if text != self._displayed[0] or now - self._displayed[1] > REDRAW_INTERVAL:
+        is_due = text != self._displayed[0] or now - self._displayed[1] > REDRAW_INTERVAL
+        if is_due or now - self._measured > MEASURE_INTERVAL:
+            used, self._measured = self._measure_memory(), now
+        if is_due:
             self._displayed = text, now
             remaining = estimate.frame.remaining(min(max(fraction, 0.0), 1.0))
             self._show_memory(used)

@@ -3,6 +3,7 @@
 
 Test modules import the add-on's own modules as `from bl_ext.user_default.renderformer_v2.rf2_engine import ...`.
 """
+import gc
 import os
 from pathlib import Path
 
@@ -41,6 +42,7 @@ def few_rays(monkeypatch):
 def scene(few_rays):
     """An empty scene that renders with our engine: tiny, one guide sample, a grey world, a camera at (0, -5, 0)."""
     addon_utils.disable(PACKAGE, default_set=True)  # factory settings do so with every add-on, which takes longer
+    gc.freeze()  # the add-on has just collected all garbage, and does so after each test: modules are left out then
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     addon_utils.enable(PACKAGE)
     scene = bpy.context.scene

@@ -94,11 +94,14 @@ def convert_world(world: World | None, report) -> np.ndarray | None:
     if output is None:
         return None
     fineness, bands = _supersampling(world), []
+    is_even = _emission(output, latlong_directions(np.arange(1), 1, 1), report, world).ndim == 1
+    columns = 1 if is_even else ENVIRONMENT_SHAPE[1]
     for row in range(0, ENVIRONMENT_SHAPE[0], BAND_ROWS):
         with progress.part(row / ENVIRONMENT_SHAPE[0], (row + BAND_ROWS) / ENVIRONMENT_SHAPE[0]):
             progress.report()
-            bands.append(_band(output, row, fineness, report, world))
-    return _none_if_black(np.concatenate(bands))
+            bands.append(_band(output, row, columns, fineness, report, world))
+    environment = np.concatenate(bands)
+    return _none_if_black(environment.repeat(ENVIRONMENT_SHAPE[1], 1) if is_even else environment)
 
 
 def _supersampling(world: World) -> int:
@@ -108,17 +111,21 @@ def _supersampling(world: World) -> int:
     return int(np.clip(np.ceil(max(world.widths) / ENVIRONMENT_SHAPE[1]), 2, MAX_SUPERSAMPLING))
 
 
-def _band(output, first_row, fineness, report, world: World) -> np.ndarray:
-    """BAND_ROWS rows of the map."""
-    height, width, _ = (size * fineness for size in ENVIRONMENT_SHAPE)
-    rows = np.arange(first_row * fineness, (first_row + BAND_ROWS) * fineness)
-    points, name = Points(direction=latlong_directions(rows, height, width)), world.name
-    evaluator = Evaluator(points, world.node_tree.conventions, report, name)
+def _emission(output, directions: np.ndarray, report, world: World) -> np.ndarray:
+    """(..., 3) radiance of a world from unit directions (..., 3); (3,) where it is the same from all."""
+    evaluator = Evaluator(Points(direction=directions), world.node_tree.conventions, report, world.name)
     emission = closure_at(NodeCall(evaluator, output), "Surface").emission
-    emission = report.finite(name, "its light", emission)
+    emission = report.finite(world.name, "its light", emission)
     if (emission < 0).any():
-        report.approximated(name, "negative light is ignored")
-    radiance = np.maximum(emission, 0)
+        report.approximated(world.name, "negative light is ignored")
+    return np.maximum(emission, 0)
+
+
+def _band(output, first_row, columns, fineness, report, world: World) -> np.ndarray:
+    """BAND_ROWS rows of the map, of so many columns."""
+    height, width = ENVIRONMENT_SHAPE[0] * fineness, columns * fineness
+    rows = np.arange(first_row * fineness, (first_row + BAND_ROWS) * fineness)
+    radiance = _emission(output, latlong_directions(rows, height, width), report, world)
     radiance = np.broadcast_to(radiance, (len(rows), width, 3)).reshape(BAND_ROWS, fineness, -1, fineness, 3)
     weight = np.sin(np.pi * (rows + 0.5) / height).reshape(BAND_ROWS, fineness)
     weight = weight / weight.sum(axis=1, keepdims=True) / fineness

@@ -15,7 +15,7 @@ SEEN = ("emission", "environment")
 
 @pytest.fixture
 def scene(still_life):
-    still_life.render.resolution_x, still_life.render.resolution_y = 160, 120
+    still_life.render.resolution_x, still_life.render.resolution_y = 96, 72
     still_life.render.film_transparent = True
     still_life.objects["Floor"].hide_render = True
     still_life.renderformer_v2.guide_samples = still_life.cycles.samples = 8
