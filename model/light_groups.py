@@ -23,14 +23,16 @@ def environment_group(scene: RenderScene) -> int:
 
 def has_lights(scene: RenderScene, group: int) -> bool:
     is_sky_lit = scene.environment is not None and environment_group(scene) == group
-    return is_sky_lit or bool(scene.is_light[scene.light_groups == group].any())
+    has_fire = scene.fire is not None and not group
+    return is_sky_lit or has_fire or bool(scene.is_light[scene.light_groups == group].any())
 
 
 def lit_by(scene: RenderScene, group: int) -> RenderScene:
     """The scene with the lights of one group alone. Its rays, and what they meet, are shared."""
     emission = np.where((scene.light_groups == group)[:, None], scene.emission, np.float32(0))
     environment = scene.environment if environment_group(scene) == group else None
-    return _with_rays(scene, replace(scene, emission=emission, environment=environment))
+    fire = None if group else scene.fire
+    return _with_rays(scene, replace(scene, emission=emission, environment=environment, fire=fire))
 
 
 def lit_by_negative(scene: RenderScene) -> RenderScene:
@@ -53,7 +55,8 @@ def divide(picture: np.ndarray, shown: Guides, lobes: Lobes, sampled: np.ndarray
     with_environment: whether the picture shows the world behind it.
 
     Each kind of light is divided in its own proportions: traced light as the samples around a pixel have it, estimated
-    light as the estimates, emitters as the samples of the pixel.
+    light as the estimates, emitters as the samples of the pixel. Where those of a kind are unknown, it has those of
+    all other light there, or in the last resort of the whole picture.
     """
     of_sky, dark = environment_group(scene), np.zeros_like(lobes.radiance)
     sampled = np.concatenate([dark[None], sampled])
@@ -69,19 +72,19 @@ def divide(picture: np.ndarray, shown: Guides, lobes: Lobes, sampled: np.ndarray
         light += (lobes.radiance - traced).clip(0) * _shares(lobes.groups.clip(0))
     if with_environment:
         light[of_sky] += shown.environment
-    return (picture * _shares(light))[1:].astype(np.float32)
+    shares, whole = _shares(light), light.sum((1, 2), keepdims=True)
+    shares += (1 - shares.sum(0)) * whole / np.maximum(whole.sum(0), FAINT ** 2)
+    return (picture * shares)[1:].astype(np.float32)
 
 
 def _shares(light: np.ndarray) -> np.ndarray:
     """(K, H, W, 3) of which there are K, as shares of their sum.
 
-    What has no light has the shares of the pixels around, from where smooth edges bring it some, as beside a holdout.
-    If these have none, it belongs to no group.
+    What has no light has the shares of the pixels around, from where smooth edges bring it some, as beside a holdout;
+    0 if these have none.
     """
     total = light.sum(0)
     if (total <= FAINT ** 2).any():
         light = np.where(total <= FAINT ** 2, np.stack([box_means(own, RADIUS) for own in light]), light)
         total = light.sum(0)
-    shares = light / np.maximum(total, FAINT ** 2)
-    shares[0] += total <= FAINT ** 2
-    return shares
+    return light / np.maximum(total, FAINT ** 2)

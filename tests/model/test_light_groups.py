@@ -73,3 +73,15 @@ def test_groups_and_the_rest_make_the_picture(scene, is_traced, with_environment
     lobes = replace(lobes, groups=estimates * np.array([0, 1, 1], np.float32)[:, None, None, None])
     light = light_groups.divide(shown, guides, lobes, sampled[1:], guides, without_rest, with_environment)
     np.testing.assert_allclose(light.sum(0), shown, rtol=1e-4, atol=1e-5)
+
+
+def test_light_that_no_estimate_tells_belongs_to_groups_where_all_that_shines_is_in_one(scene):
+    scene = replace(scene, light_group=np.ones(len(scene), np.int32))
+    guides = picture(np.random.default_rng(2))
+    guides.emission[:, :] = guides.environment[:] = 0
+    estimates = np.zeros((3, H, W, 3), np.float32)
+    estimates[1, :, :W // 2], estimates[2, :, :W // 2] = 3, 1
+    shown = np.ones((H, W, 3), np.float32)
+    light = light_groups.divide(shown, guides, Lobes(shown, groups=estimates), 0 * estimates[1:], guides, scene, True)
+    np.testing.assert_allclose(light[0], 0.75, rtol=1e-4)
+    np.testing.assert_allclose(light.sum(0), shown, rtol=1e-4)
