@@ -242,6 +242,10 @@ class RenderScene:
     box: np.ndarray | None = array(2, 3, behaves=POINT, default="none")
     # Rays that do not see the environment's light, a set of surface_kinds.Ray; None = all do
     environment_hidden: np.ndarray | None = array(1, dtype=np.uint8, default="none")
+    # What some rays see in place of `environment`, and which, sets of surface_kinds.Ray; None = all see the same
+    other_environments: np.ndarray | None = array(
+        "E", *ENVIRONMENT_SHAPE, behaves={COLOR: -1, RADIANCE: -1, PANORAMA: 2}, default="none")
+    other_rays: np.ndarray | None = array("E", dtype=np.uint8, default="none")
     # Most diffuse, glossy, transmission and all bounces of light; None = BOUNCES
     bounces: np.ndarray | None = array(4, dtype=np.int32, default="none")
     # Factor on all radiance for the network; None = by how much light there is
@@ -267,6 +271,16 @@ class RenderScene:
     def surfaces(self) -> Geometry:
         """What rays meet."""
         return self.geometry or Geometry(self.triangles, self.normals, np.arange(len(self), dtype=np.int32))
+
+    @property
+    def environments(self) -> list[tuple[int, np.ndarray]]:
+        """Rays, a set of surface_kinds.Ray, and the environment that they see; others see none."""
+        if self.environment is None:
+            return []
+        seen = 255 & ~(0 if self.environment_hidden is None else int(self.environment_hidden[0]))
+        others = [] if self.other_rays is None else [
+            (seen & int(rays), seen_by_them) for rays, seen_by_them in zip(self.other_rays, self.other_environments)]
+        return [(seen & ~sum(rays for rays, _ in others), self.environment), *others]
 
     @property
     def is_light(self) -> np.ndarray:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a ray finds on the real surfaces of a scene: the shading normal, the side, and the material of the token."""
+"""What a ray finds on the real surfaces of a scene, or beyond: shading normal, side, material of the token; the sky."""
 from __future__ import annotations
 
 import numpy as np
 
-from .geometry import area_vectors, barycentric, corner_weights, dot, facing
+from .geometry import area_vectors, barycentric, corner_weights, dot, facing, nearest_texels
 from .scene import RenderScene, texels
 
 
@@ -31,6 +31,15 @@ def shading_normals(scene: RenderScene, triangle: np.ndarray, weights: np.ndarra
     along (P, 3)."""
     normal = np.einsum("pk,pkc->pc", weights, scene.surfaces.normals[triangle])
     return facing(normal / np.sqrt(dot(normal, normal)).clip(1e-12)[:, None], ray)
+
+
+def seen_sky(scene: RenderScene, direction: np.ndarray, ray: int | np.ndarray) -> np.ndarray:
+    """(P, 3) f32 radiance of the environment along unit vectors (P, 3), as rays of a kind, all or (P,) Ray, see it."""
+    light = np.zeros((len(direction), 3), np.float32)
+    for rays, environment in scene.environments:
+        seeing = np.broadcast_to(ray & rays != 0, len(direction))
+        light[seeing] = nearest_texels(environment, direction[seeing])
+    return light
 
 
 def on_tokens(scene: RenderScene, triangle: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

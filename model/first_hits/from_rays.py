@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry import corner_weights, nearest_texels
+from ..geometry import corner_weights
 from ..material.reflectance import normal_reflectance
 from ..scene import (
     BASE_COLOR,
@@ -18,7 +18,8 @@ from ..scene import (
     texels,
     tint_of_glass,
 )
-from ..shading import on_tokens, shading_normals
+from ..shading import on_tokens, seen_sky, shading_normals
+from ..surface_kinds import Ray
 from .at_pixels import Materials, appearance
 
 NOTHING_HIT = 1e10  # depth there, as Blender has it
@@ -57,9 +58,8 @@ class AccumulatedGuides:
         at = np.flatnonzero(is_hit & (self._flat("alpha") == 0))
         self._place(at, rays, triangle[at], weights[at])
         self._flat("alpha")[is_hit] += 1
-        if self._scene.environment is not None:
-            sky = np.flatnonzero(~is_hit)
-            self._flat("environment")[sky] += nearest_texels(self._scene.environment, rays.reshape(-1, 3)[sky])
+        sky = np.flatnonzero(~is_hit)
+        self._flat("environment")[sky] += seen_sky(self._scene, rays.reshape(-1, 3)[sky], Ray.CAMERA)
         colors = self._colors(rays, triangle, weights)
         for name, values in zip(COLORS, colors, strict=True):
             total = self._flat(name)

@@ -24,10 +24,10 @@ from .fitting.sizes import Sizes
 from .fitting.visible import find_visible
 from .lamps.lamps import convert_lamps, split_negative
 from .lamps.one_triangle import one_triangle
-from .lamps.world import convert_world_light
+from .lamps.world import WorldLight, convert_world_light
 from .media import medium
 from .media.fire import fire_of
-from .media.fog import add_fog, dim_by_fog
+from .media.fog import add_fog
 from .shading.hit_materials import HitMaterials
 from .shading.material import MaterialTiles
 from .shading.surfaces import assemble_surfaces
@@ -67,7 +67,10 @@ def compute(copied: CopiedScene, view: View | None, options: ConversionOptions, 
     scene.negative = plan.negative
     with progress.part(0.9, 1.0, "Converting volumes"):
         scene.volumes, scene.fire = medium.cells(collected.media, report), fire_of(collected.media)
-    scene.environment, scene.box = plan.environment, plan.framing.box
+    scene.environment, scene.box = plan.sky.environment, plan.framing.box
+    if plan.sky.others:
+        scene.other_rays = np.uint8(list(plan.sky.others))
+        scene.other_environments = np.stack(list(plan.sky.others.values()))
     if copied.world is not None and copied.world.hidden:
         scene.environment_hidden = np.uint8([copied.world.hidden])
     scene.bounces = None if copied.bounces == BOUNCES else np.int32(copied.bounces)
@@ -96,7 +99,7 @@ class _Plan:
     framing: Framing
     lamps: list[RenderScene]
     negative: RenderScene | None  # lamps
-    environment: np.ndarray | None
+    sky: WorldLight
     budget: int  # triangles for surfaces
     sizes: Sizes
     simplification: Simplification
@@ -108,9 +111,9 @@ def _plan(copied: CopiedScene, view: View | None, options: ConversionOptions, re
         report.approximated("Speed", "the Python package embreex is missing, so rays take ten times as long: use "
                                      "Install Packages in Preferences > Add-ons > RenderFormer-V2")
     with progress.part(0.0, 0.1, "Converting the world"):
-        key = "world", copied.world, id(copied.world_panorama), options.as_is
-        environment, suns = cache.get(key, lambda report: convert_world_light(
-            copied.world, copied.world_panorama, report, keep_suns=options.as_is), report)
+        key = "world", copied.world, id(copied.world_panoramas), options.as_is
+        sky = cache.get(key, lambda report: convert_world_light(
+            copied.world, copied.world_panoramas, report, keep_suns=options.as_is), report)
     with progress.part(0.1, 0.3):
         collected = collect(copied, report)
     hits, framing = None, Framing(UNIT_BOX if options.as_is else np.float32(collected.bounds()), None)
@@ -128,8 +131,8 @@ def _plan(copied: CopiedScene, view: View | None, options: ConversionOptions, re
                             f"detail beyond, such as in {', '.join(beyond[:3])}{' ...' if len(beyond) > 3 else ''}")
     eye = None if view is None else view.camera_to_world[:3, 3]
     clear = add_fog(collected, copied.world, framing.box, eye, report)
-    environment, suns = dim_by_fog(environment, suns, clear)
-    suns = [replace(sun, light_group=copied.world_light_group) for sun in suns]
+    sky = sky.dimmed(clear)
+    suns = [replace(sun, light_group=copied.world_light_group) for sun in sky.suns]
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     place = center, radius, clear, report
     positive, negative = split_negative(collected.lamps)
@@ -142,4 +145,4 @@ def _plan(copied: CopiedScene, view: View | None, options: ConversionOptions, re
         targets = sizes.find_targets(collected.parts, budget)
         progress.report()
         simplification = allot_triangles(collected, budget, framing, hits, targets, report)
-    return _Plan(collected, framing, lamps, taken, environment, budget, sizes, simplification)
+    return _Plan(collected, framing, lamps, taken, sky, budget, sizes, simplification)

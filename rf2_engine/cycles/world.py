@@ -16,6 +16,7 @@ from mathutils import Matrix
 
 from ...model.errors import SceneError
 from ...model.scene import ENVIRONMENT_SHAPE
+from ...model.surface_kinds import Ray
 from .. import compat
 from .. import passes as pass_table
 from ..convert.camera.eyes import eyes
@@ -42,7 +43,7 @@ LEAST_WINDOW = math.radians(2)
 SAME_SUN = math.cos(math.radians(3))  # between the directions of two suns
 TO_X = np.array([(0.0, 0, -1), (-1, 0, 0), (0, 1, 0)])  # a camera that looks along +X, +Z up
 
-_panoramas: dict[str, tuple[np.ndarray, list[Sun]]] = {}  # by world and what it is made of, of one render job
+_panoramas: dict[tuple[str, Ray], tuple[np.ndarray, list[Sun]]] = {}  # of a render job, by what the world is made of
 
 
 @dataclass
@@ -53,18 +54,18 @@ class CyclesWorld:
     depsgraph: bpy.types.Depsgraph
     status: Status
 
-    def light(self, rough_suns: list[Sun]) -> tuple[np.ndarray, list[Sun]] | None:
-        """(256, 512, 3) f32 panorama without suns, and the suns; None where it cannot be drawn.
+    def light(self, rough_suns: list[Sun], ray: Ray) -> tuple[np.ndarray, list[Sun]] | None:
+        """(256, 512, 3) f32 panorama without suns, as such rays see it, and the suns; None where it cannot be drawn.
 
         rough_suns: about where suns of Sky Textures are. Raises RenderCancelled after Esc.
         """
         world = compat.world(self.depsgraph)
         if not is_possible(self.depsgraph.scene_eval):
             return None
-        if (key := describe_world(world)) in _panoramas:
+        if (key := (describe_world(world), ray)) in _panoramas:
             return _panoramas[key]
         try:
-            drawn = self._draw_light(rough_suns)
+            drawn = self._draw_light(rough_suns, ray)
         except (cycles_run.CyclesFailed, SceneError):
             return None
         finally:
@@ -74,22 +75,22 @@ class CyclesWorld:
             _panoramas[key] = drawn
         return drawn
 
-    def _draw_light(self, rough_suns: list[Sun]) -> tuple[np.ndarray, list[Sun]] | None:
-        panorama = self._draw(np.eye(3), (math.pi, math.pi / 2), with_discs=False)
+    def _draw_light(self, rough_suns: list[Sun], ray: Ray) -> tuple[np.ndarray, list[Sun]] | None:
+        panorama = self._draw(np.eye(3), (math.pi, math.pi / 2), ray, with_discs=False)
         if panorama is None:
             return None
         environment, suns = split_suns(_resize(panorama))
         for sun in rough_suns:
             if all(sun.toward @ other.toward < SAME_SUN for other in suns):
-                suns.append(self._measure_sun(sun))
+                suns.append(self._measure_sun(sun, ray))
         return environment, [sun for sun in suns if sun.irradiance.any()]
 
-    def _measure_sun(self, sun: Sun) -> Sun:
+    def _measure_sun(self, sun: Sun, ray: Ray) -> Sun:
         """The sun with the irradiance that it adds to the sky around it."""
         half = max(WINDOW * sun.angle / 2, LEAST_WINDOW)
         pose = np.eye(3)
         pose[:, 2] = sun.toward
-        window = self._draw(np.roll(rotation(pose), 1, axis=1), (half, half), with_discs=True)
+        window = self._draw(np.roll(rotation(pose), 1, axis=1), (half, half), ray, with_discs=True)
         height, width, _ = window.shape
         latitude, longitude = (half * (1 - 2 * (np.arange(n) + 0.5) / n) for n in (height, width))
         solid_angle = np.cos(latitude)[:, None] * (2 * half / height) * (2 * half / width)
@@ -99,8 +100,8 @@ class CyclesWorld:
         excess = np.maximum(window - sky, 0)
         return Sun(sun.toward, np.einsum("ijc,ij->c", excess, solid_angle * cosine), sun.angle)
 
-    def _draw(self, frame: np.ndarray, half: tuple[float, float], with_discs: bool) -> np.ndarray | None:
-        """(H, W, 3) radiance of a window of the world.
+    def _draw(self, frame: np.ndarray, half: tuple[float, float], ray: Ray, with_discs: bool) -> np.ndarray | None:
+        """(H, W, 3) radiance of a window of the world as such rays see it.
 
         frame: (3, 3), its axes as columns. half: of its longitude and latitude, radians. with_discs: Sky Textures show
         their suns.
@@ -113,7 +114,7 @@ class CyclesWorld:
             with cycles_run.overrides(engine, depsgraph) as override:
                 override(depsgraph.scene_eval, cycles_session.ALWAYS | cycles_session.FIRST_HITS_ONLY | _SETTINGS
                          | {"cycles.samples": int(np.clip(samples, 1, MOST_SAMPLES))})
-                if not _isolate(compat.world(depsgraph), with_discs, override):
+                if not _isolate(compat.world(depsgraph), ray, with_discs, override):
                     return None
                 cycles_session.hide_all(depsgraph, override)
                 _disable_motion_blur(depsgraph.scene_eval, override)
@@ -139,7 +140,7 @@ class CyclesWorld:
 class ExpectedWorld:
     """Takes the place of a CyclesWorld where nothing is rendered: only the report is right."""
 
-    def light(self, rough_suns: list[Sun]) -> tuple[np.ndarray, list[Sun]]:
+    def light(self, rough_suns: list[Sun], ray: Ray) -> tuple[np.ndarray, list[Sun]]:
         return np.ones(ENVIRONMENT_SHAPE, np.float32), rough_suns
 
 
@@ -148,8 +149,8 @@ def is_possible(scene: bpy.types.Scene) -> bool:
     return scene.camera is not None and scene.camera.type == "CAMERA"
 
 
-def _isolate(world: bpy.types.World, with_discs: bool, override) -> bool:
-    """Change the evaluated world into one that is seen as it lights; False where that cannot be done."""
+def _isolate(world: bpy.types.World, ray: Ray, with_discs: bool, override) -> bool:
+    """Change the evaluated world into one that a camera sees as such rays do; False where that cannot be done."""
     override(world, {"cycles_visibility.camera": True, "cycles.sampling_method": "NONE"})
     for owner, prefix, tree in node_trees(world):
         if not owner.is_evaluated:
@@ -161,7 +162,7 @@ def _isolate(world: bpy.types.World, with_discs: bool, override) -> bool:
             elif kind == "ShaderNodeLightPath":
                 if not hasattr(link.to_socket, "default_value"):
                     return False
-                answer, old = tell_path(link.from_socket.name), link.to_socket.default_value
+                answer, old = tell_path(link.from_socket.name, ray), link.to_socket.default_value
                 value = answer if isinstance(old, (int, float)) else [answer] * 3 + [1.0] * (len(old) - 3)
                 override(owner, {f"{path}.to_socket.default_value": value, f"{path}.is_muted": True})
         for node in tree.nodes if not with_discs else ():

@@ -77,13 +77,13 @@ class _Export:
     def run(self, name: str, cycles_world: CyclesWorld) -> PreparedFrame:
         self.frame.name, self.frame.cameras = name, self._cameras()
         copied = copy(self.depsgraph, self.report, cycles_world)
-        environment, suns = convert_world_light(copied.world, copied.world_panorama, self.report, keep_suns=True)
+        sky = convert_world_light(copied.world, copied.world_panoramas, self.report, keep_suns=True)
         collected = collect(copied, self.report)
         if not collected.parts:
             raise SceneError(f'Scene "{name}" shows no surface: a frame needs at least one mesh')
         low, high = collected.bounds()
         clear = add_fog(collected, copied.world, np.float32([low, high]), None, self.report)
-        lamps = convert_lamps(collected.lamps, suns, MOST_LAMP_TRIANGLES, (low + high) / 2,
+        lamps = convert_lamps(collected.lamps, sky.suns, MOST_LAMP_TRIANGLES, (low + high) / 2,
                               float(np.linalg.norm(high - low)) / 2, clear, self.report)
         (self.folder / MESHES).mkdir(parents=True, exist_ok=True)
         for part in collected.parts:
@@ -92,8 +92,8 @@ class _Export:
         for lamp in lamps:
             self._add_lamp(lamp)
         self._add_media(collected)
-        if environment is not None:
-            write_panorama(self.folder / ENVIRONMENT, environment)
+        if sky.environment is not None:
+            write_panorama(self.folder / ENVIRONMENT, sky.environment)
             self.frame.environment = FrameEnvironment(ENVIRONMENT)
         write_frame(self.frame, self.folder)
         return self.frame

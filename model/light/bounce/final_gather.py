@@ -104,7 +104,8 @@ class GatherScene:
         self.bright = self.lobes = None
         self.corners, self._is_solid = patches.corners.to(device), patches.solid.to(device)
         self._locator = patches.locator.to(device)
-        self.fog, self.environment = direct.fog, direct.environment
+        self.fog = direct.fog
+        self.environments = {Ray.DIFFUSE: direct.environment, Ray.GLOSSY: direct.sky_seen_by(Ray.GLOSSY)}
         self.in_scattering = direct.in_scattering
         self.cutouts = Cutouts.of(scene, Ray.DIFFUSE, device)
         self._fire = None if scene.fire is None else direct.in_scattering.fire()

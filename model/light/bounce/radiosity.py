@@ -177,7 +177,7 @@ class Radiosity:
         light = light + gathered.through + self.caustics.radiance(position, normal)
         if not self._most.diffusely:
             light = torch.zeros_like(light)
-        sky = gathered.sky_visibility(self.gather_scene.environment) if with_sky else None
+        sky = gathered.sky_visibility(self.gather_scene.environments[Ray.DIFFUSE]) if with_sky else None
         return DiffuseLight(light, gathered.fire, sky)
 
     def behind(self, position: Tensor, normal: Tensor, number: Tensor, effort: Effort = FULL) -> dict[str, Tensor]:
@@ -216,7 +216,7 @@ class Radiosity:
                       + gathered.sky_behind_glass(weight * share))
             if not self._most.diffusely:  # what is traced is all there is
                 bounced, missed = torch.zeros_like(bounced), torch.zeros_like(missed)
-        sky = gathered.sky_visibility(self.gather_scene.environment, weight) if with_sky else None
+        sky = gathered.sky_visibility(self.gather_scene.environments[Ray.GLOSSY], weight) if with_sky else None
         return GlossyLight(complete, bounced, missed, sky)
 
 

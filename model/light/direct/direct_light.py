@@ -63,8 +63,9 @@ class DirectLight:
         environment = scene.environment
         self.environment = None if environment is None else EnvironmentLight(
             torch.as_tensor(environment, dtype=torch.float32, device=device))
-        hidden = 0 if scene.environment_hidden is None else int(scene.environment_hidden[0])
-        self._seen_sky = {ray: None if hidden & ray else self.environment for ray in Ray}
+        skies = [(rays, self.environment if seen is environment else EnvironmentLight(
+            torch.as_tensor(seen, dtype=torch.float32, device=device))) for rays, seen in scene.environments]
+        self._seen_sky = {ray: next((sky for rays, sky in skies if rays & ray), None) for ray in Ray}
         self.fog = fog_of(scene, device)
         rays = scene_rays(scene)
         with part(0.0, 0.5):
@@ -95,7 +96,7 @@ class DirectLight:
         return some
 
     def sky_seen_by(self, ray: Ray) -> EnvironmentLight | None:
-        """The environment, if such rays see it."""
+        """The environment as such rays see it, if they do."""
         return self._seen_sky[ray]
 
     @cached_property

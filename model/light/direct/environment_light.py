@@ -70,9 +70,9 @@ class EnvironmentLight:
         weight: (P, R), of the vectors; all count alike without it.
         """
         flat = directions.flatten(0, 1)
-        radiance = self.filtered(flat, torch.full_like(flat[:, 0], BLUR)).view_as(directions)
+        radiance = self.filtered(flat, torch.full_like(flat[:, 0], BLUR)).view_as(directions).clamp_min(1e-12)
         radiance = radiance if weight is None else weight[..., None] * radiance
-        return (visibility * radiance).sum(1) / radiance.sum(1).clamp_min(1e-12)
+        return (visibility * radiance).sum(1) / radiance.sum(1).clamp_min(1e-30)
 
     def filtered(self, direction: Tensor, roughness: Tensor) -> Tensor:
         """(P, 3) radiance around a direction, averaged over the GGX lobe of this perceptual roughness (P,)."""

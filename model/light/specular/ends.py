@@ -48,7 +48,7 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
 
         def follow(rows: np.ndarray, columns: np.ndarray, lobe=lobe, cast=everything.closest, solid=solid) -> PathEnds:
             start = _first_segments(lobe, guides, scene, view, rows, columns)
-            return follow_paths(scene, cast, *start, solid, lobe != "reflected", media)
+            return follow_paths(scene, cast, *start, solid, lobe != "reflected", media, RAYS[lobe])
 
         chunks = [(rows[first:first + CHUNK], columns[first:first + CHUNK]) for first in range(0, len(rows), CHUNK)]
         with part(0.0, 1.0, "Tracing mirrors and glass"):

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...geometry import dot, nearest_texels, reflected, refracted
+from ...geometry import dot, reflected, refracted
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
-from ...shading import surface
+from ...shading import seen_sky, surface
+from ...surface_kinds import Ray
 
 SURFACES = 6       # a path passes at most
 SMOOTH = 0.5       # roughness up to which a metal is a mirror
@@ -55,19 +56,22 @@ def blur(roughness):
 
 
 def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarray, eye: np.ndarray,
-                 solid: Cast | None = None, with_lamps: bool = True, media: Media | None = None) -> PathEnds:
+                 solid: Cast | None = None, with_lamps: bool = True, media: Media | None = None,
+                 ray: Ray = Ray.GLOSSY) -> PathEnds:
     """Follow paths from world points (P, 3) along unit directions (P, 3); none may start at a lamp.
 
     A path that has passed SURFACES surfaces ends at the last one as if that were matte. eye: (3,) or (P, 3), the point
     from which the origins are seen. cast(origins, directions), such as `Rays.closest`, returns the nearest triangle
     (S,) i32, -1 for none, and its distance (S,). solid: the same for everything but glass, so that paths end at what
     glass touches. with_lamps: whether to show the lamps that the metal is lit by; else its highlights are to be added.
-    media: share of light (S, 1 or 3) that gets from points (S, 3) along directions (S, 3) for distances (S,).
+    media: share of light (S, 1 or 3) that gets from points (S, 3) along directions (S, 3) for distances (S,). ray: what
+    the first segments are, GLOSSY or TRANSMISSION.
     """
     zeros = lambda channels: np.zeros((len(origin), channels), np.float32)  # noqa: E731
     ends = PathEnds(*map(zeros, (3, 3, 3, 3)), Metal(*map(zeros, (3, 3, 3, 1))))
     shows_lamps = np.ones(len(origin), bool)
     path, tint = np.arange(len(origin)), np.ones((len(origin), 3), np.float32)
+    kind = np.full(len(origin), ray, np.uint8)
     token, is_light = np.append(scene.surfaces.token, -1), scene.is_light
     reach = np.linalg.norm(origin - eye, axis=1)  # the longest segment so far: precision depends on it
     before, origin = origin - LIFT * (origin - eye), origin + LIFT * reach[:, None] * direction
@@ -82,7 +86,7 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
         if media is not None:
             tint = tint * media(origin, direction, np.where(triangle < 0, np.inf, distance))
         hit = (triangle >= 0) & ~is_light[token[triangle]]
-        arriving = _emitted(scene, token[triangle[~hit]], direction[~hit])
+        arriving = _emitted(scene, token[triangle[~hit]], direction[~hit], kind[~hit])
         arriving *= (shows_lamps[path[~hit]] | (triangle[~hit] < 0))[:, None]
         ends.light[path[~hit]] = tint[~hit] * arriving
         path, tint, origin, direction, triangle, distance, reach = (
@@ -105,17 +109,18 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
         goes_on = is_glass | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)
         ends.color[path] = tint * np.where(goes_on, not remaining, matte)[:, None]
         before = point - LIFT * reach[:, None] * direction
+        kind = np.where(is_glass, np.uint8(Ray.TRANSMISSION), np.uint8(Ray.GLOSSY))
         direction = np.where(is_glass[:, None], refracted(direction, normal, texel[:, IOR], inside),
                              reflected(direction, normal))
         origin = point + LIFT * reach[:, None] * direction
-        path, tint, before, origin, direction, reach = (
-            x[goes_on] for x in (path, tint, before, origin, direction, reach))
+        path, kind, tint, before, origin, direction, reach = (
+            x[goes_on] for x in (path, kind, tint, before, origin, direction, reach))
     return ends
 
 
-def _emitted(scene: RenderScene, token: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """(P, 3) radiance of tokens (P,) that shine, or for -1 of the sky, along unit vectors (P, 3)."""
-    sky = 0.0 if scene.environment is None else nearest_texels(scene.environment, direction)
+def _emitted(scene: RenderScene, token: np.ndarray, direction: np.ndarray, ray: np.ndarray) -> np.ndarray:
+    """(P, 3) radiance of tokens (P,) that shine, or for -1 of the sky, along unit vectors (P, 3) of these rays (P,)."""
+    sky = seen_sky(scene, direction, ray)
     axis, (outer, inner) = scene.beam_axis[token], scene.beam_cosine[token].T
     share = ((-dot(axis, direction) - outer) / np.maximum(inner - outer, 1e-4)).clip(0, 1)
     share = np.where(axis.any(1), share * share * (3 - 2 * share), 1)

@@ -96,7 +96,8 @@ class Sun:
 @dataclass
 class CopiedScene:
     world: World | None
-    world_panorama: tuple[np.ndarray | None, list[Sun]] | None  # and suns, of a world that Cycles had to render
+    # And suns, by the rays that see them, of a world that Cycles had to render
+    world_panoramas: dict[Ray, tuple[np.ndarray, list[Sun]]] | None
     objects: list[tuple[CopiedMesh, Instance] | CopiedVolume] = field(default_factory=list)  # in their order
     lamps: list[LampInstance] = field(default_factory=list)
     clip_start: float = 0.0  # of the camera, world units along its axis

@@ -2,12 +2,10 @@
 """A volume that fills the world becomes a box around what the camera sees, without light from beyond."""
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..data.collected import CollectedScene
-from ..data.copied import Instance, Sun
+from ..data.copied import Instance
 from ..data.medium import Box
 from ..shading.volume import has_volume, volume_coefficients, volume_points
 from .volumes import shaded_medium
@@ -38,11 +36,3 @@ def add_fog(collected: CollectedScene, world, box: np.ndarray, eye: np.ndarray |
                         + " m around what the camera sees. As in Cycles, light of the world and of suns does not pass "
                           "through it")
     return (extinction == 0).astype(np.float64)
-
-
-def dim_by_fog(environment: np.ndarray | None, suns: list[Sun], clear: np.ndarray) -> tuple:
-    """A panorama and suns as they shine through fog."""
-    if not clear.any():
-        return None, []
-    return (environment if environment is None else (environment * clear).astype(np.float32),
-            [replace(sun, irradiance=sun.irradiance * clear) for sun in suns])

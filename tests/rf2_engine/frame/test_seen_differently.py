@@ -3,7 +3,7 @@
 import pytest
 
 from tests.rf2_engine.f12 import material
-from tests.rf2_engine.rooms import assert_alike, beside_cycles, by_ray, lamp, panel, remarks, room
+from tests.rf2_engine.rooms import assert_alike, beside_cycles, by_ray, lamp, panel, rectangle, remarks, room
 
 RED, GREEN = ("BsdfDiffuse", {"Color": (0.9, 0.1, 0.1, 1)}), ("Emission", {"Color": (0.1, 0.5, 0.1, 1)})
 BLUE, CLEAR = ("BsdfDiffuse", {"Color": (0.05, 0.1, 0.9, 1)}), ("BsdfTransparent", {})
@@ -39,6 +39,21 @@ def test_rays_pass_what_is_hidden_from_them(scene, tmp_path, flag):
     lamp(scene)
     ours, cycles = beside_cycles(scene, tmp_path)
     assert_alike(ours, cycles)
+
+
+@pytest.mark.parametrize("rays", ["Is Glossy Ray", "Is Diffuse Ray"])
+def test_mirrors_show_the_world_that_glossy_rays_see(scene, tmp_path, rays):
+    tree = scene.world.node_tree
+    mix, path = tree.nodes.new("ShaderNodeMixRGB"), tree.nodes.new("ShaderNodeLightPath")
+    mix.inputs[1].default_value, mix.inputs[2].default_value = (0.1, 0.1, 0.5, 1), (0.8, 0.5, 0.2, 1)
+    tree.links.new(path.outputs[rays], mix.inputs[0])
+    tree.links.new(mix.outputs[0], tree.nodes["Background"].inputs["Color"])
+    rectangle(scene, "Floor", (-3, -3, 0), (0, -3, 0), (0, 3, 0), (-3, 3, 0))
+    rectangle(scene, "Mirror", (0, -3, 0), (3, -3, 0), (3, 3, 0), (0, 3, 0),
+              of=by_ray("Mirror", [rays], MIRROR, MIRROR))
+    scene.camera.location, scene.camera.rotation_euler = (0, -6, 5), (0.88, 0, 0)
+    scene.renderformer_v2.light = "NETWORK"
+    assert_alike(*beside_cycles(scene, tmp_path), rtol=0.1, atol=0.01)
 
 
 @pytest.mark.parametrize("node, output, rtol", [

@@ -8,7 +8,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model.geometry import latlong_directions, rotation_matrix
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.lamps.world import convert_world
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.lamps.world import convert_world, convert_world_light
 from mathutils import Euler, Matrix
 
 from tests.rf2_engine.convert.copies import copied
@@ -105,9 +105,9 @@ def test_gradient_over_height_and_camera_branch():
 def test_black_or_absent_worlds_are_none_and_missing_images_magenta():
     empty_cycles_scene()
     made, _, background = world()
-    assert convert_world(None, Report()) is None
+    assert convert_world_light(None, None, Report()).environment is None
     background.inputs["Strength"].default_value = 0
-    assert convert_world(copied(made), Report()) is None
+    assert convert_world_light(copied(made), None, Report()).environment is None
     report = Report()
     image = bpy.data.images.new("Gone", 4, 4)
     image.source, image.filepath = "FILE", "//nowhere/gone.exr"
