@@ -23,13 +23,12 @@ class InScattering:
 
     def __init__(self, fog: Fog, sky: RadianceInAir, emitters: RadianceInAir):
         cells = fog.scattering.amax(1).nonzero()[:, 0]
-        cells = cells[cells < SIDE ** 3]
         light = torch.zeros_like(fog.scattering)
         middle = fog.points_in(cells, torch.full((len(cells), 3), 0.5, device=cells.device))
         light[cells] = sky(fog.points_in(cells, hashed_starts(middle, 3)))
         for k in range(POINTS):
             light[cells] += emitters(fog.points_in(cells, hashed_starts(middle + k, 3))) / POINTS
-        cells = torch.cat([light * fog.scattering, fog.extinction], dim=1)[:-1]
+        cells = torch.cat([light * fog.scattering, fog.extinction], dim=1)
         self.fog = fog
         self.cells = cells.T.reshape(1, -1, SIDE, SIDE, SIDE)  # RGB per unit of length, extinction
 
@@ -38,7 +37,7 @@ class InScattering:
         if self.fog.emission is None:
             return None
         fire = copy.copy(self)
-        emission = self.fog.emission[:-1].T.reshape(1, 3, SIDE, SIDE, SIDE)
+        emission = self.fog.emission.T.reshape(1, 3, SIDE, SIDE, SIDE)
         fire.cells = torch.cat([emission, self.cells[:, 3:]], dim=1)
         return fire
 

@@ -21,8 +21,8 @@ GREY = 0.02        # difference between colours of the extinction, as a share of
 class Fog:
     """Extinction, scattering and emission of media per unit of length (docs/scene-input.md 5).
 
-    extinction: (SIDE^3 + 1, C), x slowest, the last that of all places outside; C is 1 if all media are grey, else 3.
-    scattering, emission: (SIDE^3 + 1, 3) likewise; emission is None without fire.
+    extinction: (SIDE^3, C), x slowest; C is 1 if all media are grey, else 3. Nothing is outside the grid.
+    scattering, emission: (SIDE^3, 3) likewise; emission is None without fire.
     """
 
     def __init__(self, volumes: Volumes | None, device: torch.device | str = "cpu", fire: Fire | None = None,
@@ -66,10 +66,10 @@ class Fog:
         return enters, torch.maximum(torch.maximum(near, far).amin(-1, keepdim=True).clamp(0, 1), enters)
 
     def _divided(self, points: Tensor, amounts: list[Tensor]) -> list[Tensor]:
-        """(SIDE^3 + 1, C) mean in each cell of amounts (V, C) at points (V, 3), shared by the cells around each."""
+        """(SIDE^3, C) mean in each cell of amounts (V, C) at points (V, 3), shared by the cells around each."""
         place = ((points - self.low) / self.cell - 0.5).clamp(0, SIDE - 1)
         low = place.floor().clamp(max=SIDE - 2)
-        share, cells = place - low, [x.new_zeros(SIDE ** 3 + 1, x.shape[1]) for x in amounts]
+        share, cells = place - low, [x.new_zeros(SIDE ** 3, x.shape[1]) for x in amounts]
         for corner in torch.cartesian_prod(*[torch.arange(2, device=points.device)] * 3):
             weight = torch.where(corner > 0, share, 1 - share).prod(1, keepdim=True) / self.cell.prod()
             number = self._number((low.long() + corner).unbind(1))
@@ -83,13 +83,10 @@ class Fog:
         return self.low + (torch.stack([x, y, z], dim=1) + within) * self.cell
 
     def _mean_extinction(self, begin: Tensor, ray: Tensor) -> Tensor:
-        """(..., C) between points (..., 3) and points + ray."""
-        return sum(self.extinction[self._index(begin + (k + 0.5) / STEPS * ray)] for k in range(STEPS)) / STEPS
-
-    def _index(self, points: Tensor) -> Tensor:
-        place = ((points - self.low) / self.cell).floor()
-        outside = ((place < 0) | (place >= SIDE)).any(-1)
-        return self._number(place.clamp(0, SIDE - 1).long().unbind(-1)).masked_fill(outside, SIDE ** 3)
+        """(..., C) between points (..., 3) and points + ray, all of them in the grid."""
+        place, step = (begin - self.low) / self.cell, ray / self.cell / STEPS
+        cells = ((place + (k + 0.5) * step).clamp(0, SIDE - 1).long().unbind(-1) for k in range(STEPS))
+        return sum(self.extinction[self._number(cell)] for cell in cells) / STEPS
 
     @staticmethod
     def _number(place: Sequence[Tensor]) -> Tensor:
