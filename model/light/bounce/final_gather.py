@@ -122,7 +122,7 @@ class GatherScene:
         self.bright = BrightPatches(self.corners, self._is_solid, self.patch[:-1], importance)
 
     def spread(self, lobes: PatchLobes) -> None:
-        """Tell how far the light of these lobes goes along rays from now on."""
+        """Compute for all rays from now on how much more than matte sides these lobes send along them."""
         self.lobes = lobes
 
     def gather(self, position: Tensor, normal: Tensor, direction: Tensor, aimed: int = 0, start: Tensor | None = None,
