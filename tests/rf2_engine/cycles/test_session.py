@@ -162,7 +162,7 @@ def test_tiles_of_large_pictures_change_nothing_and_leave_no_file_after_esc(shad
         raise RenderCancelled()
     monkeypatch.setattr(cycles_engine, "render_frame_finish", finish)  # nobody can press Esc without a window
     press_f12(shadowed, tmp_path)
-    left = [*Path(bpy.app.tempdir).glob("*.exr")]
+    left = [*Path(bpy.app.tempdir).glob("cycles-tile-buffer-*")]
     assert len(left) == 1
     cycles_run._forget_tiles()
     assert not left[0].exists()
