@@ -44,15 +44,12 @@ def layer_albedo(f0: Tensor, roughness: Tensor, facets: Tensor | None = None) ->
     f0, roughness (perceptual): (P,); facets: (P,), another roughness that they are blurred to. Light between facets is
     made up for by the roughness of the layer itself, as in Cycles (Kulla and Conty 2017).
     """
-    def uniform(roughness: Tensor) -> tuple[Tensor, Tensor]:
-        return _split_sum(torch.zeros_like(roughness), roughness, _mean_table(roughness.device))
-
     amplitude = f0.sqrt()
     index = (1 + amplitude) / (1 - amplitude).clamp_min(1e-3)
     smooth = (index - 1) / (SMOOTH[0] + SMOOTH[1] * index)
-    straight, slanting = uniform(roughness if facets is None else facets)
+    straight, slanting = _uniform_sum(roughness if facets is None else facets)
     grazing = (smooth - f0).clamp_min(0) / MEAN_SLANT / (1 - f0).clamp_min(1e-3)  # 1 in Schlick's approximation
-    between = smooth * (1 / sum(uniform(roughness)) - 1).clamp_min(0)
+    between = smooth * (1 / sum(_uniform_sum(roughness)) - 1).clamp_min(0)
     return (f0 * straight + grazing * slanting) * (1 + between)
 
 
@@ -62,7 +59,7 @@ def gain(f0: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
     f0, roughness: (P,); cosine: (P, E), at which the light arrives.
     """
     of_emitters = _split_sum(*torch.broadcast_tensors(cosine, roughness[:, None]))
-    of_uniform = _split_sum(torch.zeros_like(roughness), roughness, _mean_table(roughness.device))
+    of_uniform = _uniform_sum(roughness)
     emitters, uniform = (f0[:, None] * straight + slanting
                          for straight, slanting in (of_emitters, (x[:, None] for x in of_uniform)))
     return emitters / uniform.clamp_min(LEAST_ALBEDO)
@@ -75,6 +72,11 @@ def _split_sum(cosine: Tensor, roughness: Tensor, table: Tensor | None = None) -
     sampled = run_operator("grid_sampler_2d", F.grid_sample, table, at[None, None], mode="bilinear",
                          padding_mode="border", align_corners=True)
     return sampled[0, 0].view_as(cosine), sampled[0, 1].view_as(cosine)
+
+
+def _uniform_sum(roughness: Tensor) -> tuple[Tensor, Tensor]:
+    """The same of uniform light."""
+    return _split_sum(torch.zeros_like(roughness), roughness, _mean_table(roughness.device))
 
 
 @cache

@@ -53,11 +53,16 @@ def ggx_directions(normal: Tensor, outgoing: Tensor, roughness: Tensor, count: i
     direction = F.normalize(2 * facet_cosine[..., None] * half - outgoing[:, None], dim=-1)
     leaving = (direction * normal[:, None]).sum(-1).clamp_min(0)
     viewer = (outgoing * normal).sum(-1, keepdim=True).abs().clamp_min(1e-3)
-    into, out = (x * (alpha2 + (1 - alpha2) * y.square()).sqrt() for x, y in ((leaving, viewer), (viewer, leaving)))
+    into, out = (x * smith_root(y, alpha2) for x, y in ((leaving, viewer), (viewer, leaving)))
     unmasked = 2 * leaving / (into + out).clamp_min(1e-6)
     density = alpha2 * cosine / (
         4 * math.pi * (cosine.square() * (alpha2 - 1) + 1).square() * facet_cosine.clamp_min(1e-3))
     return direction, unmasked * facet_cosine / cosine.clamp_min(1e-3), facet_cosine, density
+
+
+def smith_root(cosine: Tensor, alpha2: Tensor) -> Tensor:
+    """The root in Smith's height-correlated masking and shadowing of GGX facets (Heitz 2014)."""
+    return (alpha2 + (1 - alpha2) * cosine.square()).sqrt()
 
 
 def triangle_weights(u: Tensor, v: Tensor) -> Tensor:

@@ -175,8 +175,7 @@ class GatherScene:
             balanced[:, rays:] *= piece.view(-1, total)[:, rays:] == target
             share = share * balanced.flatten()
         return Gathered(direction.view(-1, total, 3)[:, :rays], side.view(-1, total), share.view(-1, total), sky,
-                        through, distance.view(-1, total)[:, :rays], fire, behind_glass, color,
-                        excess)
+                        through, distance.view(-1, total)[:, :rays], fire, behind_glass, color, excess)
 
     def hit_sides(self, triangle: Tensor, weights: Tensor, direction: Tensor) -> Tensor:
         """(N,) sides, as Gathered has them, of the patches that rays (N, 3) hit.

@@ -12,6 +12,7 @@ from torch.nn import functional as F
 
 from ..edge_stopping import dot
 from ..fresnel import lobe_albedo, slant
+from ..sampling import smith_root
 
 LEAST_COSINE = 0.05  # of light to a patch
 
@@ -28,7 +29,7 @@ class PatchLobes:
         cosine = dot(direction, normal.T).clamp_min(LEAST_COSINE)
         alpha2 = roughness.square().square()
         scale = concentration / (2 * lobe_albedo(f0, cosine, roughness))
-        self._parts = F.pad(torch.stack([*normal.T, *direction, cosine, _smith(cosine, alpha2), alpha2, f0, scale,
+        self._parts = F.pad(torch.stack([*normal.T, *direction, cosine, smith_root(cosine, alpha2), alpha2, f0, scale,
                                          concentration]), (0, 1))
 
     def excess(self, side: Tensor, ray: Tensor) -> Tensor:
@@ -46,10 +47,5 @@ class PatchLobes:
         facing = length2.sqrt_() / 2                       # cosine of light on them
         reflectance = torch.lerp(slant(facing), torch.ones_like(f0), f0)
         shape = alpha2 / (facet2 * (alpha2 - 1) + 1).square_()
-        masking = (after * root_before + before * _smith(after, alpha2)).clamp_min_(1e-6)
+        masking = (after * root_before + before * smith_root(after, alpha2)).clamp_min_(1e-6)
         return scale * reflectance * shape / masking - concentration
-
-
-def _smith(cosine: Tensor, alpha2: Tensor) -> Tensor:
-    """The root of Smith's height-correlated masking and shadowing (Heitz 2014)."""
-    return (alpha2 + (1 - alpha2) * cosine.square()).sqrt()

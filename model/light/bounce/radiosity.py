@@ -95,12 +95,12 @@ class Radiosity:
         with part(0.4, 0.5):
             self.caustics, caustic_light = self._trace_caustics(
                 scene, direct.reaching(bounces=lambda bounces: bounces >= THROUGH_GLASS), area, effort.of(PHOTONS))
-        firsts = {}  # (sides, points, 6) radiance, and that of it which is glossy
+        firsts, glossy_firsts = {}, {}  # (sides, points, 3), the latter a part of the former
         for most, (white, slanting, _) in lights.items():
             white, slanting = (light.view(-1, count, 3) for light in (white, slanting))
-            of_lobes = STEEP * metal[:, None] * white + layer[:, None] * slanting
-            firsts[most] = torch.cat([diffuse[:, None] * lit(white) + of_lobes, of_lobes], -1)
-        self.gather_scene.aim(importance_by_power(sum(firsts.values())[..., :3].mean(1), size))
+            glossy_firsts[most] = STEEP * metal[:, None] * white + layer[:, None] * slanting
+            firsts[most] = diffuse[:, None] * lit(white) + glossy_firsts[most]
+        self.gather_scene.aim(importance_by_power(sum(firsts.values()).mean(1), size))
         if (metal + layer).any():
             self.gather_scene.spread(_lobes(lights, metal, layer, of_layer, normals.view(-1, count, 3)))
         with part(0.6, 1.0):
@@ -115,8 +115,8 @@ class Radiosity:
         through = (diffuse + glossy) * lit(gathered.through + caustic_light)
         # (sides, 3) radiance that leaves all sides of patches, and what of it has bounced diffusely, or through glass
         self.leaving = self.bounced_before = self._of_lobes = torch.zeros_like(through)
-        for most, first in firsts.items():
-            first, of_lobes = (weight[..., None] * first).mean(1).chunk(2, 1)
+        for most in firsts:
+            first, of_lobes = ((weight[..., None] * light[most]).mean(1) for light in (firsts, glossy_firsts))
             if fire is not None and most == ANY:
                 first = first + (diffuse + glossy) * lit(fire)
             before = through if most == ANY else torch.zeros_like(through)

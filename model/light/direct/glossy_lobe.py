@@ -17,7 +17,7 @@ from torch import Tensor
 
 from ..edge_stopping import dot
 from ..fresnel import lobe_albedo, schlick
-from ..sampling import local_basis
+from ..sampling import local_basis, smith_root
 from .form_factors import cosines, unit_planes
 
 LEAST_ROUGHNESS = 0.02
@@ -117,8 +117,7 @@ def _arcs(a: Tensor, b: Tensor) -> Tensor:
 def _unmasked(alpha2: Tensor, n_v: Tensor, n_l: Tensor) -> Tensor:
     """Share of facets that neither viewer nor light lose behind others, over the cosine to the viewer (Smith)."""
     n_v, n_l = n_v.abs().clamp_min(LEAST_COSINE), n_l.clamp_min(1e-4)
-    return 2 * n_l / (n_l * (alpha2 + (1 - alpha2) * n_v.square()).sqrt()
-                      + n_v * (alpha2 + (1 - alpha2) * n_l.square()).sqrt())
+    return 2 * n_l / (n_l * smith_root(n_v, alpha2) + n_v * smith_root(n_l, alpha2))
 
 
 def _relative_fresnel(f0: Tensor, n_v: Tensor, v_h: Tensor, roughness: Tensor) -> Tensor:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....model.material import reflectance
 from ....model.surface_kinds import Ray
 from ..data.arrays import join
 from .node_call import NodeCall
@@ -52,13 +53,9 @@ def fresnel(n: NodeCall):
 
 
 def _mean_reflectance(ior):
-    """Of light that arrives evenly at a dielectric: Fresnel's formula, by the squared sine of its direction."""
-    ior, total = np.maximum(ior, 1e-5), 0
-    for sine2 in SINES2:
-        cosine, bent = np.sqrt(1 - sine2), np.sqrt(np.maximum(ior * ior - sine2, 0))  # 0: total reflection
-        across, parallel = (cosine - bent) / (cosine + bent), (ior * ior * cosine - bent) / (ior * ior * cosine + bent)
-        total = total + (across ** 2 + parallel ** 2) / 2
-    return total / len(SINES2)
+    """Of light that arrives evenly at a dielectric, by the squared sine of its direction."""
+    ior = np.maximum(ior, 1e-5)
+    return sum(reflectance.fresnel(np.sqrt(1 - sine2), ior) for sine2 in SINES2) / len(SINES2)
 
 
 def passed_through(n: NodeCall):
