@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .geometry import area_vectors, barycentric, corner_weights, dot, facing, nearest_texels
+from .geometry import area_vectors, barycentric, corner_weights, dot, nearest_texels, unit
 from .scene import RenderScene, texels
+
+GRAZING = 0.02  # least cosine between the viewer and a normal that is bent
 
 
 def surface(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,
@@ -27,10 +29,23 @@ def surface(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,
 
 
 def shading_normals(scene: RenderScene, triangle: np.ndarray, weights: np.ndarray, ray: np.ndarray) -> np.ndarray:
-    """(P, 3) f32 unit normals on triangles (P,) of the geometry with weights (P, 3) of their corners, facing the viewer
-    along (P, 3)."""
-    normal = np.einsum("pk,pkc->pc", weights, scene.surfaces.normals[triangle])
-    return facing(normal / np.sqrt(dot(normal, normal)).clip(1e-12)[:, None], ray)
+    """(P, 3) f32 unit normals on triangles (P,) of the geometry with weights (P, 3) of their corners, on the side that
+    the viewer along (P, 3) sees.
+
+    As in Cycles they are bent where they lean away from the viewer, unless corners have normals of both sides: where
+    those of the other side prevail, nothing is lit.
+    """
+    surfaces = scene.surfaces
+    side = area_vectors(surfaces.triangles[triangle])
+    normal = unit(np.einsum("pk,pkc->pc", weights, surfaces.normals[triangle]))
+    normal = np.where(dot(side, ray)[:, None] > 0, -normal, normal)
+    return bent_toward(normal, ray, dot(normal, side) * dot(side, ray) < 0).astype(np.float32)
+
+
+def bent_toward(normal: np.ndarray, ray: np.ndarray, where: np.ndarray) -> np.ndarray:
+    """Unit normals (P, 3), those `where` (P,) they lean away from the viewer along (P, 3) bent until they do not."""
+    away = np.where(where, dot(normal, ray) + GRAZING, 0).clip(0)
+    return unit(normal - away[:, None] * ray)
 
 
 def seen_sky(scene: RenderScene, direction: np.ndarray, ray: int | np.ndarray) -> np.ndarray:

@@ -9,9 +9,9 @@ import numpy as np
 
 from ..geometry import area_vectors, barycentric, dot, unit
 from ..scene import PARAMETERS, RenderScene, View
+from ..shading import GRAZING, bent_toward
 
 BLUR = 0.7      # pixels over which a material is averaged, about the width of a filter
-GRAZING = 0.02  # least cosine, for footprints and for bent normals
 
 
 class Appearance(NamedTuple):
@@ -61,8 +61,7 @@ def appearance(scene: RenderScene, materials: Materials, view: View, rays: np.nd
         return _steps(shape, ahead, distance, _turns(rays, at[rows]))
 
     result = materials.at(triangle, weights, normal, steps)
-    behind = (dot(result.normal, ray) + GRAZING).clip(0)  # a bent normal may point away from the camera
-    return result._replace(normal=unit(result.normal - behind[:, None] * ray))
+    return result._replace(normal=bent_toward(result.normal, ray, dot(normal, ray) < 0))
 
 
 def _turns(rays: np.ndarray, at: np.ndarray) -> np.ndarray:

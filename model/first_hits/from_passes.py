@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..camera import view_rays, view_rays_at
-from ..geometry import barycentric, corner_weights, facing, unit
+from ..geometry import barycentric, corner_weights, dot, facing, unit
 from ..progress import part
 from ..rays import Hits
 from ..scene import Guides, RenderScene, View
@@ -35,6 +35,9 @@ NOWHERE = 1e10       # that Depth
 VISIBLE = ("normal", "emission", "environment")  # one of them is not 0 where anything is visible but a black world
 COVERED = 1e-3       # alpha below this is not worth a token's attention
 ONE_SURFACE = 0.95   # length of the mean of a pixel's unit normals above which it shows one surface
+APART = 0.1          # difference of two unit normals of which a pixel must not show the mean
+BETWEEN = 0.03       # distance from the line between the two at which a normal belongs to neither, such as a bump's
+UNBENT = 0.2         # cosine to the viewer from which on Cycles does not bend normals
 FILL_RADIUS = 4      # pixels
 BATCH = 1 << 16      # pixels that are sampled by several rays at a time
 
@@ -69,8 +72,11 @@ def guides_from_passes(passes: Passes, scene: RenderScene, view: View, nearest_t
     shown = surfaces.taken(source)
     guides = replace(guides_without_triangles(passes), position=shown.position, hit_triangle=shown.token,
                      hit_barycentric=shown.weights)
-    several = (np.linalg.norm(passes["normal"], axis=-1) < ONE_SURFACE * alpha) & (shown.token >= 0)
-    guides.normal[several] = facing(shown.normal[several], view_rays(view)[1][several])
+    rays = view_rays(view)[1]
+    several = np.linalg.norm(passes["normal"], axis=-1) < ONE_SURFACE * alpha
+    several |= lies_between(guides.normal, shown.normal) & (-dot(shown.normal, rays) > UNBENT)
+    several &= shown.token >= 0
+    guides.normal[several] = shown.normal[several]
     behind = _behind_media(scene, camera, hit, surfaces) if has_media else None
     return denoise_media.smoothed(guides, scene.volumes, view, behind)
 
@@ -191,6 +197,24 @@ def _first_surfaces(scene: RenderScene, view: View, target: np.ndarray, hit: np.
         weights = barycentric(scene.triangles[nearest], target[remaining]).astype(np.float32)
         normal = facing(unit(np.einsum("pk,pkc->pc", weights.clip(0), scene.normals[nearest])), rays[remaining])
         result.set(remaining, FirstSurfaces(target[remaining], normal, nearest, weights[:, :2].clip(0, 1)))
+    return result
+
+
+def lies_between(mean: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """(H, W) bool: pixels of which the mean normal (H, W, 3) is one of different surfaces, as of two facets.
+
+    It lies between the unit normals (H, W, 3) that the geometry has in the middle of the pixel and of a neighbour.
+    """
+    height, width = middle.shape[:2]
+    result, padded = np.zeros((height, width), bool), np.pad(middle, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    for y, x in ((0, 1), (1, 0), (1, 2), (2, 1)):
+        step = padded[y:y + height, x:x + width] - middle
+        length2 = dot(step, step)
+        pixel = np.nonzero((length2 > APART ** 2) & (length2 < 2))  # beyond, the mean is short anyway
+        here, step, length2 = middle[pixel], step[pixel], length2[pixel]
+        along = (dot(mean[pixel] - here, step) / length2).clip(0, 1)
+        away = mean[pixel] - unit(here + along[:, None] * step)
+        result[pixel] |= dot(away, away) < (BETWEEN + BETWEEN * np.sqrt(length2)) ** 2
     return result
 
 

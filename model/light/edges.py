@@ -8,6 +8,7 @@ reconstruction antialiasing, Chajdas et al. 2011).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
@@ -16,14 +17,16 @@ from torch.nn import functional as F
 
 from ..first_hits.camera_rays import SAMPLE_POINTS, CameraRays, Samples
 from ..first_hits.from_rays import lobe_colors
+from ..geometry import corner_weights
 from ..pictures import bands
 from ..scene import Guides, RenderScene, View
 from .edge_stopping import edge_weights, plane_tolerance
 
 NEIGHBOURS = tuple((y, x) for y in (-1, 0, 1) for x in (-1, 0, 1))  # rows and columns
 MIDDLE = NEIGHBOURS.index((0, 0))
-MARGIN = 2          # pixels around one that it depends on
-ONE_SURFACE = 0.5   # edge weight from which on two pixels see one surface
+MARGIN = 3          # pixels around one that it depends on
+ONE_SURFACE = 0.5   # edge weight from which on two pixels see one surface,
+KINK = 0.15         # unless normals turn by so much more between them than beside them
 FALLOFF = 2.0       # a neighbour's light counts exp(-FALLOFF d^2) for a sample d pixels from its middle
 AGREEMENT = 0.01    # of the distance: how far a first hit may be off the tokens
 LEAST = 1e-4        # weight of the pixel's own light, the only one if no neighbour sees the surface
@@ -42,11 +45,10 @@ class Edges:
     neighbours: Tensor  # (E, 9) i64, likewise
     share: Tensor       # (9, E, 9) f32, [3 lobe + rgb, pixel, neighbour], of the neighbours' light; sum 1
 
-    def mix(self, light: Tensor, lobe: int, only_darken: bool = False) -> None:
-        """Mix the light (3, H, W) of a lobe in place, or only where that makes it darker."""
+    def mix(self, light: Tensor, lobe: int) -> None:
+        """Mix the light (3, H, W) of a lobe in place."""
         flat = light.view(3, -1)
-        mixed = (flat[:, self.neighbours] * self.share[3 * lobe:3 * lobe + 3]).sum(-1)
-        flat[:, self.pixel] = torch.minimum(mixed, flat[:, self.pixel]) if only_darken else mixed
+        flat[:, self.pixel] = (flat[:, self.neighbours] * self.share[3 * lobe:3 * lobe + 3]).sum(-1)
 
 
 def find_edges(scene: RenderScene, view: View, guides: Guides, device: torch.device) -> Edges:
@@ -54,7 +56,7 @@ def find_edges(scene: RenderScene, view: View, guides: Guides, device: torch.dev
     camera, pixels, neighbours, shares = CameraRays(scene, view), [], [], []
     for outer, inner in bands(*guides.alpha.shape, margin=MARGIN):
         band, first = guides.rows(outer), outer.start * view.width
-        picture = _Picture.of(band, device)
+        picture = _Picture.of(scene, band, device)
         is_edge = picture.edges().cpu().numpy() & (band.hit_triangle >= 0)
         albedo = np.zeros((3, *is_edge.shape, 3), np.float32)
         albedo[:, is_edge] = lobe_colors(scene, band.hit_triangle[is_edge], band.hit_barycentric[is_edge])
@@ -75,20 +77,34 @@ def _to_planes(picture: np.ndarray, device: torch.device) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(np.moveaxis(picture, -1, 0), np.float32)).to(device)
 
 
+def _kink(normal: Tensor, y: int, x: int) -> Tensor:
+    """(H, W) how much farther normals (3, H, W) turn to the pixel y below and x to the right than on either side of it.
+
+    So round surfaces have none, however strongly they are bent.
+    """
+    there = partial(torch.roll, dims=(-2, -1))
+    step = (there(normal, (-y, -x)) - normal).square().sum(0).sqrt()
+    return step - torch.maximum(there(step, (y, x)), there(step, (-y, -x)))
+
+
 @dataclass
 class _Picture:
     """The first hit in the middle of each pixel."""
 
     position: Tensor   # (3, H, W)
     normal: Tensor     # (3, H, W), unit
+    smooth: Tensor     # (3, H, W), likewise, without the bumps of materials
     covered: Tensor    # (H, W) bool
     tolerance: Tensor  # (H, W), as of `edge_weights`
 
     @classmethod
-    def of(cls, guides: Guides, device: torch.device) -> _Picture:
+    def of(cls, scene: RenderScene, guides: Guides, device: torch.device) -> _Picture:
         position, covered = _to_planes(guides.position, device), torch.from_numpy(guides.alpha > 0).to(device)
-        return cls(position, F.normalize(_to_planes(guides.normal, device), dim=0), covered,
-                   plane_tolerance(position, covered))
+        hit, smooth = guides.hit_triangle >= 0, np.zeros_like(guides.normal)
+        weights, corners = corner_weights(guides.hit_barycentric[hit]), scene.normals[guides.hit_triangle[hit]]
+        smooth[hit] = np.einsum("pk,pkc->pc", weights, corners)
+        normal, smooth = (F.normalize(_to_planes(normals, device), dim=0) for normals in (guides.normal, smooth))
+        return cls(position, normal, smooth, covered, plane_tolerance(position, covered))
 
     def edges(self) -> Tensor:
         """(H, W) bool: covered pixels with a covered neighbour that sees another surface."""
@@ -99,7 +115,8 @@ class _Picture:
             there = slice(y, h), slice(max(x, 0), w - max(-x, 0))
             offset = self.position[:, *there] - self.position[:, *here]
             weight = edge_weights(offset, self.normal[:, *there], self.normal[:, *here], self.tolerance[here])
-            differs = (weight < ONE_SURFACE) & self.covered[here] & self.covered[there]
+            differs = (weight < ONE_SURFACE) | (_kink(self.smooth, y, x)[here] > KINK)
+            differs &= self.covered[here] & self.covered[there]
             is_edge[here] |= differs
             is_edge[there] |= differs
         return is_edge

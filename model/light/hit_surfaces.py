@@ -29,6 +29,7 @@ from .fresnel import lobe_albedo
 UNKNOWN_ROUGHNESS = 0.5  # where no token triangle lies behind a pixel (hair, sub-pixel geometry)
 UNKNOWN_F0 = 0.04        # likewise, of a layer
 LEAST_LAYER = 5e-3       # f0 from which on a layer reflects everything at grazing angles
+LEANING = 0.2            # cosine up to which Cycles turns normals back
 RAISED = 0.1             # pixels that rays start off curved surfaces, below which the mean of a pixel's first hits lies
 
 
@@ -75,6 +76,11 @@ class HitSurfaces:
             return torch.zeros_like(distance)
         origins, rays = (torch.diff(x.expand_as(self.rays)[:, :2], dim=1) for x in (self.origin, self.rays))
         return RAISED * (origins + distance * rays).norm(dim=-1, keepdim=True)
+
+    @property
+    def is_toward(self) -> Tensor:
+        """(h, W, 1) bool: not where a normal leans away from the viewer, as between faces that share corners only."""
+        return (self.normal * self.rays).sum(-1, keepdim=True) < LEANING
 
     @property
     def is_covered(self) -> Tensor:

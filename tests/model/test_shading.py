@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from renderformer_v2.model.scene import BASE_COLOR, TILE_SIZE, Geometry
-from renderformer_v2.model.shading import on_tokens, surface
+from renderformer_v2.model.shading import GRAZING, on_tokens, shading_normals, surface
 from tests.model.samples import flat
 
 TOKEN = np.float32([[(0, 0, 0), (1, 0, 0), (0, 1, 0)]])
@@ -42,3 +43,28 @@ def test_beyond_the_token_its_rim_counts():
     scene.geometry.triangles += np.float32((0, 2, 0))
     token, weights = on_tokens(scene, np.int32([0]), np.float32([(0.2, 0.2)]))
     assert token[0] == 0 and weights[0].min() >= 0 and weights[0].sum() <= 1
+
+
+def test_normals_are_on_the_side_that_is_seen():
+    scene, third = flat(TOKEN, (0.5, 0.5, 0.5)), np.float32([[1 / 3] * 3])
+    scene.normals[:] = 0, 0.6, 0.8
+    for ray, expected in (((0, 0, -1), (0, 0.6, 0.8)), ((0, 0, 1), (0, -0.6, -0.8))):
+        normal = shading_normals(scene, np.array([0]), third, np.float32([ray]))
+        np.testing.assert_allclose(normal, [expected], atol=1e-6)
+
+
+def test_normals_that_lean_away_from_the_viewer_are_bent():
+    scene, third, ray = flat(TOKEN, (0.5, 0.5, 0.5)), np.float32([[1 / 3] * 3]), np.float32([(0, 0.96, -0.28)])
+    scene.normals[:] = 0, 0.6, 0.8
+    normal, = shading_normals(scene, np.array([0]), third, ray)
+    assert normal @ ray[0] == pytest.approx(-GRAZING, abs=3e-3)
+    assert normal[0] == 0 and normal[2] > 0.8 and np.linalg.norm(normal) == pytest.approx(1)
+
+
+def test_where_normals_of_the_back_prevail_the_front_has_them():
+    """Smooth shading of a thin plate gives its corners normals of both sides; Cycles shades them so, and black."""
+    scene, ray = flat(TOKEN, (0.5, 0.5, 0.5)), np.float32([(0, 0, -1)])
+    scene.normals[:] = [(0, 0, 1), (0, 0, -1), (0, 0, -1)]
+    for weights, expected in (((0.8, 0.1, 0.1), 1), ((0.2, 0.4, 0.4), -1)):
+        normal = shading_normals(scene, np.array([0]), np.float32([weights]), ray)
+        np.testing.assert_allclose(normal, [(0, 0, expected)], atol=1e-6)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
 from ...first_hits.camera_rays import SAMPLE_POINTS
 from ..edge_stopping import edge_weights, plane_tolerance
 from ..hit_surfaces import HitSurfaces
 
 LEAST = 0.1  # weight from which on the next pixel shows the same surface
+OTHER = 9.0  # squared change of the normal, more than there is, to another surface
 
 
 def footprints(surfaces: HitSurfaces) -> Tensor:
@@ -36,14 +38,17 @@ def points_within(footprint: Tensor) -> list[Tensor]:
 
 
 def _change(values: Tensor, tolerance: Tensor, axis: int) -> Tensor:
-    """(9, h, W) of values (9, h, W) to the next pixel along an axis: the mean of the steps on both sides."""
+    """(9, h, W) of values (9, h, W) to the next pixel along an axis: of the steps on both sides that which turns less.
+
+    So a facet stays flat up to its border.
+    """
     count = values.shape[axis] - 1
     here, there = (values.narrow(axis, start, count) for start in (0, 1))
     step = there - here
     weight = edge_weights(step[:3], there[3:6], here[3:6], tolerance.narrow(axis - 1, 0, count))
-    weight = weight * (weight > LEAST)
-    total, weights = torch.zeros_like(values), torch.zeros_like(tolerance)
-    for start in (0, 1):
-        total.narrow(axis, start, count).add_(step * weight)
-        weights.narrow(axis - 1, start, count).add_(weight)
-    return total / weights.clamp_min(LEAST)
+    turn2 = step[3:6].square().sum(0).where(weight > LEAST, OTHER)
+    ends = [0] * 2 * (2 - axis)
+    ahead, behind = (F.pad(step, (*ends, *side)) for side in ((0, 1), (1, 0)))
+    turn2_ahead, turn2_behind = (F.pad(turn2, (*ends, *side), value=OTHER) for side in ((0, 1), (1, 0)))
+    is_known = torch.minimum(turn2_ahead, turn2_behind) < OTHER
+    return torch.where(turn2_ahead <= turn2_behind, ahead, behind) * is_known

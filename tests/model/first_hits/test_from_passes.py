@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model.camera import square_view, view_rays
-from renderformer_v2.model.first_hits.from_passes import guides_from_passes
+from renderformer_v2.model.first_hits.from_passes import guides_from_passes, lies_between
 from renderformer_v2.model.geometry import barycentric
 from renderformer_v2.model.scene import RenderScene, constant_tile
 
@@ -98,3 +98,23 @@ def test_a_pixel_of_several_surfaces_takes_the_normal_of_the_one_in_its_middle()
     passes |= {"normal": mean, "alpha": ones, "depth": distance[..., None].astype(np.float32), "position": position}
     guides = guides_from_passes(passes, scene, view, nearest_triangles)
     np.testing.assert_allclose(guides.normal, exact, atol=1e-5)
+
+
+@pytest.mark.parametrize("normal, expected", [
+    ((0, 0.1, 1), True),      # of a pixel that sees a little of the other facet
+    ((0, 0.0, 1), True),
+    ((0, 0.4, 1), True),      # of the other facet alone
+    ((0.3, 0.1, 1), False),   # of a bump
+    ((0, -0.3, 1), False),
+])
+def test_the_mean_normal_of_two_facets_lies_between_theirs(normal, expected):
+    facets = np.float32([[(0, 0, 1)] * 3, [(0, 0.4, 1)] * 3])
+    facets /= np.linalg.norm(facets, axis=-1, keepdims=True)
+    mean = np.float32(normal) / np.linalg.norm(normal)
+    between = lies_between(np.broadcast_to(mean.astype(np.float32), facets.shape), facets)
+    assert between[0].all() == expected and between[0].any() == expected
+
+
+def test_on_one_surface_bumps_stay_as_they_are():
+    flat = np.broadcast_to(np.float32((0, 0, 1)), (4, 4, 3))
+    assert not lies_between(flat, flat).any()

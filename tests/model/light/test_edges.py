@@ -9,7 +9,8 @@ import torch
 
 from renderformer_v2.model.first_hits import camera_rays
 from renderformer_v2.model.first_hits.camera_rays import SAMPLE_POINTS, cast_guides
-from renderformer_v2.model.light.edges import find_edges
+from renderformer_v2.model.geometry import area_vectors, unit
+from renderformer_v2.model.light.edges import _kink, find_edges
 from renderformer_v2.model.pictures import bands
 from tests.model.samples import flat, floor_scene, floor_view
 
@@ -56,17 +57,32 @@ def test_a_sliver_that_no_ray_finds_shows_the_light_of_what_is_around_in_its_col
     assert light[0, 4:-4, EDGE - 1].numpy() == pytest.approx(FLOOR, abs=0.05)
 
 
-@pytest.mark.parametrize("brighter", ["floor", "plate"])
-def test_highlights_may_lose_light_and_never_spread(brighter):
-    scene, view, guides, light = floor_and_plate()
-    before = light if brighter == "floor" else PLATE + FLOOR - light
-    dimmed, mixed = before.clone(), before.clone()
-    edges = find_edges(scene, view, guides, CPU)
-    edges.mix(dimmed, 1, only_darken=True)
-    edges.mix(mixed, 1)
-    change = mixed[0, 4:-4, EDGE] - before[0, 4:-4, EDGE]  # of pixels whose middle is on the floor
-    assert (change < -0.1).all() if brighter == "floor" else (change > 0.1).all()
-    assert torch.equal(dimmed, torch.minimum(mixed, before))
+def ridges(count: int, height: float) -> np.ndarray:
+    """A sheet of the square [-1, 1]^2, folded lengthwise into strips that rise and fall by turns."""
+    x = np.linspace(-1, 1, count + 1)
+    z = np.arange(count + 1) % 2 * height
+    low, high = (np.stack([x, np.full_like(x, y), z], -1) for y in (-1, 1))
+    return np.concatenate([np.stack([low[:-1], low[1:], high[1:]], 1), np.stack([low[:-1], high[1:], high[:-1]], 1)])
+
+
+@pytest.mark.parametrize("degrees, has_edges", [(6, False), (20, True)])
+def test_facets_have_edges_even_where_they_hardly_turn(degrees, has_edges):
+    """Edge weights alone take 20 degrees for one surface."""
+    count = 4
+    height = np.tan(np.radians(degrees / 2)) * 2 / count
+    scene, (view, _) = flat(ridges(count, height).astype(np.float32), (0.5, 0.5, 0.5)), floor_view(SIZE, SIZE)
+    scene.normals[:] = unit(area_vectors(scene.triangles))[:, None]
+    edges = find_edges(scene, view, cast_guides(scene, view), CPU)
+    assert (len(edges.pixel) > (count - 1) * SIZE / 2) == has_edges
+    assert has_edges or not len(edges.pixel)
+
+
+def test_a_round_surface_has_no_edges_however_strongly_it_is_bent():
+    x, y = np.meshgrid(*[np.linspace(-1, 1, 12)] * 2)
+    x, y, z = np.broadcast_arrays(x, y, np.sqrt((1 - x ** 2 - y ** 2).clip(0)))
+    normal = torch.from_numpy(np.stack([x, y, z]).astype(np.float32))
+    bent = (normal[:, :, 1:] - normal[:, :, :-1]).norm(dim=0)[4:8, 3:8]
+    assert (bent > 0.15).all() and (_kink(normal, 0, 1)[4:8, 3:8] < 0.05).all()
 
 
 def test_one_surface_has_no_edges():

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the surfaces that pixels show reflect."""
 import numpy as np
+import torch
 
-from renderformer_v2.model.light.hit_surfaces import hit_reflectances, hit_roughness
+from renderformer_v2.model.light.hit_surfaces import HitSurfaces, hit_reflectances, hit_roughness
 from renderformer_v2.model.scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION
 from tests.model.samples import floor_scene, floor_view
 
@@ -28,3 +29,10 @@ def test_roughness_comes_from_the_texel_that_is_hit():
     assert roughness[32, 32] == 0.25
     guides.hit_barycentric[...] = (0.8, 0.1)
     np.testing.assert_allclose(hit_roughness(scene, guides)[32, 32], 0.6, atol=1e-3)
+
+
+def test_what_leans_away_from_the_viewer_shows_no_gloss():
+    scene, (view, guides) = floor_scene(), floor_view()
+    guides.normal[:, :32] *= -1
+    is_toward = HitSurfaces.of(scene, view, guides, 0, torch.device("cpu")).is_toward
+    assert not is_toward[32, 24] and is_toward[32, 40]

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
+from torch.nn import functional as F
 
 from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.direct.footprints import footprints
@@ -100,6 +101,18 @@ def test_a_highlight_smaller_than_a_pixel_is_as_bright_as_it_should_be():
                              for way in (False, True))
     assert of_pixels.mean() == pytest.approx(exact, rel=0.2)
     assert np.abs(of_pixels - exact).mean() < 0.6 * np.abs(of_middles - exact).mean()
+
+
+def test_a_facet_is_flat_up_to_its_border():
+    """So no border mirrors what lies between the directions that two facets mirror."""
+    size, zeros = 8, torch.zeros(8, 8)
+    x = torch.linspace(-1, 1, size).expand(size, size)
+    facets = torch.stack([torch.where(x < 0, -0.2, 0.2), zeros, zeros + 1], -1)
+    position, rays = torch.stack([x, x.T, zeros], -1), torch.tensor([0.0, 0, -1]).expand(size, size, 3)
+    surfaces = HitSurfaces(rays, rays, position, F.normalize(facets, dim=-1), zeros[..., None] + 1, *[position] * 3,
+                           *[zeros] * 3)
+    assert (footprints(surfaces)[..., 3:6] == 0).all()
+    assert (footprints(surfaces)[..., 0, 0] > 0).all()
 
 
 def test_a_fine_flat_panel_is_one_emitter():
