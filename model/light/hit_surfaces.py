@@ -79,7 +79,7 @@ class HitSurfaces:
 
     @property
     def is_toward(self) -> Tensor:
-        """(h, W, 1) bool: not where a normal leans away from the viewer, as between faces that share corners only."""
+        """(h, W, 1) bool: not where smooth shading gives a face the normal of its back, and Cycles shows no gloss."""
         return (self.normal * self.rays).sum(-1, keepdim=True) < LEANING
 
     @property
