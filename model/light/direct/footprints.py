@@ -46,9 +46,9 @@ def _change(values: Tensor, tolerance: Tensor, axis: int) -> Tensor:
     here, there = (values.narrow(axis, start, count) for start in (0, 1))
     step = there - here
     weight = edge_weights(step[:3], there[3:6], here[3:6], tolerance.narrow(axis - 1, 0, count))
-    turn2 = step[3:6].square().sum(0).where(weight > LEAST, OTHER)
+    is_same = weight > LEAST
+    step, turn2 = step * is_same, step[3:6].square().sum(0).where(is_same, OTHER)
     ends = [0] * 2 * (2 - axis)
     ahead, behind = (F.pad(step, (*ends, *side)) for side in ((0, 1), (1, 0)))
     turn2_ahead, turn2_behind = (F.pad(turn2, (*ends, *side), value=OTHER) for side in ((0, 1), (1, 0)))
-    is_known = torch.minimum(turn2_ahead, turn2_behind) < OTHER
-    return torch.where(turn2_ahead <= turn2_behind, ahead, behind) * is_known
+    return torch.where(turn2_ahead <= turn2_behind, ahead, behind)
