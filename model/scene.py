@@ -150,6 +150,12 @@ class Guides:
     mirrored_normal: np.ndarray | None = None
     mirrored_color: np.ndarray | None = None
     mirrored_roughness: np.ndarray | None = None
+    # The same of rough glass that refractions leave first: place, axis of the lobe in which light leaves it, colours of
+    # the glass on the way, and roughness of a mirror with this lobe
+    exit_position: np.ndarray | None = None
+    exit_normal: np.ndarray | None = None
+    exit_color: np.ndarray | None = None
+    exit_roughness: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         h, w = self.depth.shape

@@ -30,7 +30,7 @@ from .probes import SMOOTH, ComputeLight, Probes, probe_grid
 from .separation import Separation
 from .specular.frosted import frosted
 from .specular.paths import blur
-from .specular.pixels import mirrored_highlights, path_end_light
+from .specular.pixels import exit_highlights, mirrored_highlights, path_end_light
 from .surface_light import SurfaceLight
 
 BEYOND = 4.0           # network units from a camera that sees nothing: no medium is farther off
@@ -107,7 +107,8 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     with part(0.6, 0.7):
         refracted = path_end_light("refracted", guides, make_probes, outgoing, filters, direct.device)[0] or {}
         if with_direct and guides.refracted_light is not None:
-            refracted["direct"] = tensors_on(direct.device)(guides.refracted_light)
+            refracted["direct"] = (tensors_on(direct.device)(guides.refracted_light)
+                                   + exit_highlights(guides, direct))
         if refracted:  # all kinds at once, which have the same weights
             blurred = frosted(torch.cat(list(refracted.values()), -1), surfaces)
             refracted = dict(zip(refracted, blurred.split(3, -1), strict=True))

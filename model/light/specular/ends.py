@@ -13,13 +13,15 @@ from ...compute.threads import spread
 from ...first_hits.camera_rays import CameraRays
 from ...geometry import facing, reflected, refracted
 from ...progress import part
-from ...scene import IOR, Guides, RenderScene, View
+from ...scene import IOR, ROUGHNESS, Guides, RenderScene, View
 from ...scene_rays import scene_rays
 from ...shading import surface
 from ...surface_kinds import ALL, BENDING, Ray
-from .paths import Media, Metal, PathEnds, follow_paths
+from .facets import pixel_starts, rough_facets
+from .paths import Lobe, Media, PathEnds, follow_paths
 
 RAYS = {"reflected": Ray.GLOSSY, "refracted": Ray.TRANSMISSION}
+LOBES = {"reflected": "mirrored", "refracted": "exit"}  # of what paths meet first
 BOUNCES = {"reflected": "glossy", "refracted": "transmission"}
 LEAST_COLOR = {"reflected": 0.08, "refracted": 0.05}  # of a lobe from which on paths are followed: above plastic's
 PATHS = 1 << 18  # of a lobe, at most
@@ -46,9 +48,11 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
         step = max(math.ceil(math.sqrt(mask.sum() / PATHS)), 1)
         rows, columns = (step * index for index in np.nonzero(mask[::step, ::step]))
 
-        def follow(rows: np.ndarray, columns: np.ndarray, lobe=lobe, cast=everything.closest, solid=solid) -> PathEnds:
-            start = _first_segments(lobe, guides, scene, view, rows, columns)
-            return follow_paths(scene, cast, *start, solid, lobe != "reflected", media, RAYS[lobe])
+        def follow(rows: np.ndarray, columns: np.ndarray, lobe=lobe, cast=everything.closest, solid=solid,
+                   step=step) -> PathEnds:
+            start = pixel_starts(rows // step, columns // step) if lobe == "refracted" else None
+            first = _first_segments(guides, scene, view, rows, columns, start)
+            return follow_paths(scene, cast, *first, solid, media, start)
 
         chunks = [(rows[first:first + CHUNK], columns[first:first + CHUNK]) for first in range(0, len(rows), CHUNK)]
         with part(0.0, 1.0, "Tracing mirrors and glass"):
@@ -57,8 +61,9 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
                   for kind in ("position", "normal", "color", "light")}
         if lobe == "reflected":
             values["reflected_light"] *= values["reflected_normal"].any(1, keepdims=True)  # the rest is direct light
-            values |= {f"mirrored_{field.name}": np.concatenate([getattr(chunk.metal, field.name) for chunk in ends])
-                       for field in dataclass_fields(Metal)}
+        if any(chunk.lobe.color.any() for chunk in ends):
+            values |= {f"{LOBES[lobe]}_{kind.name}": np.concatenate([getattr(chunk.lobe, kind.name) for chunk in ends])
+                       for kind in dataclass_fields(Lobe)}
         for name, value in values.items():
             picture = np.zeros((*mask.shape, value.shape[1]), np.float32 if name.endswith(FULL) else np.float16)
             picture[rows, columns] = value
@@ -75,15 +80,19 @@ def _media(scene: RenderScene) -> Media | None:
     return fog_of(scene, reach=math.inf).along
 
 
-def _first_segments(lobe: str, guides: Guides, scene: RenderScene, view: View, rows: np.ndarray,
-                    columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """World points (S, 3), unit directions (S, 3) in which paths leave the first hits of pixels, and the eye (3,)."""
+def _first_segments(guides: Guides, scene: RenderScene, view: View, rows: np.ndarray, columns: np.ndarray,
+                    start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """World points (S, 3), unit directions (S, 3) in which paths leave the first hits of pixels, and the eye (3,).
+
+    start: of `follow_paths`, of refractions; None of reflections.
+    """
     eye, rays = view_rays_at(view, columns + 0.5, rows + 0.5)
     position, normal = guides.position[rows, columns], facing(guides.normal[rows, columns], rays)
-    if lobe == "reflected":
+    if start is None:
         direction = reflected(rays, normal)
     else:
         triangle = CameraRays(scene, view).closest(rays).triangle
         _, inside, texel = surface(scene, triangle, position, rays)
-        direction = refracted(rays, normal, texel[:, IOR], inside)
+        facet = rough_facets(rays, normal, texel[:, ROUGHNESS], start, 0)
+        direction = refracted(rays, facet, texel[:, IOR], inside)
     return position, direction, eye

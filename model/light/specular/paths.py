@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Specular paths: follow reflections and refractions to the surface that a pixel shows.
+"""Specular paths: follow reflections and refractions, these through facets of rough glass, to what a pixel shows.
 
 Whitted 1980, "An improved illumination model for shaded display", with one path per pixel and lobe.
 """
@@ -14,6 +14,7 @@ from ...geometry import dot, reflected, refracted
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
 from ...shading import seen_sky, surface
 from ...surface_kinds import Ray
+from .facets import exit_lobe, rough_facets
 
 SURFACES = 6       # a path passes at most
 SMOOTH = 0.5       # roughness up to which a metal is a mirror
@@ -36,15 +37,15 @@ class PathEnds:
     normal: np.ndarray    # (P, 3) f32, unit, facing the path
     color: np.ndarray     # (P, 3) f32, diffuse albedo there times the tint of the path; 0 = no surface
     light: np.ndarray     # (P, 3) f32, radiance of the lamp or the sky there times the tint of the path
-    metal: Metal          # what the paths meet first, if that mirrors
+    lobe: Lobe            # of what the paths meet first, if that is metal, or rough glass that they leave
 
 
 @dataclass
-class Metal:
-    """P points on mirrors."""
+class Lobe:
+    """P points whose lobe shows lamps."""
 
     position: np.ndarray   # (P, 3) f32, world
-    normal: np.ndarray     # (P, 3) f32, unit, facing the path
+    normal: np.ndarray     # (P, 3) f32, unit, of metal, facing the path; where glass is left, axis of the lobe
     color: np.ndarray      # (P, 3) f32; 0 = none
     roughness: np.ndarray  # (P, 1) f32
 
@@ -56,22 +57,21 @@ def blur(roughness):
 
 
 def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarray, eye: np.ndarray,
-                 solid: Cast | None = None, with_lamps: bool = True, media: Media | None = None,
-                 ray: Ray = Ray.GLOSSY) -> PathEnds:
+                 solid: Cast | None = None, media: Media | None = None, start: np.ndarray | None = None) -> PathEnds:
     """Follow paths from world points (P, 3) along unit directions (P, 3); none may start at a lamp.
 
     A path that has passed SURFACES surfaces ends at the last one as if that were matte. eye: (3,) or (P, 3), the point
     from which the origins are seen. cast(origins, directions), such as `Rays.closest`, returns the nearest triangle
     (S,) i32, -1 for none, and its distance (S,). solid: the same for everything but glass, so that paths end at what
-    glass touches. with_lamps: whether to show the lamps that the metal is lit by; else its highlights are to be added.
-    media: share of light (S, 1 or 3) that gets from points (S, 3) along directions (S, 3) for distances (S,). ray: what
-    the first segments are, GLOSSY or TRANSMISSION.
+    glass touches. media: share of light (S, 1 or 3) that gets from points (S, 3) along directions (S, 3) for distances
+    (S,). start: (P, 2) of `pixel_starts`, of refractions, which meet facets of rough glass; None of reflections, which
+    take glass for smooth. Lamps that the `lobe` shows are not in the light.
     """
     zeros = lambda channels: np.zeros((len(origin), channels), np.float32)  # noqa: E731
-    ends = PathEnds(*map(zeros, (3, 3, 3, 3)), Metal(*map(zeros, (3, 3, 3, 1))))
+    ends = PathEnds(*map(zeros, (3, 3, 3, 3)), Lobe(*map(zeros, (3, 3, 3, 1))))
     shows_lamps = np.ones(len(origin), bool)
     path, tint = np.arange(len(origin)), np.ones((len(origin), 3), np.float32)
-    kind = np.full(len(origin), ray, np.uint8)
+    kind = np.full(len(origin), Ray.GLOSSY if start is None else Ray.TRANSMISSION, np.uint8)
     token, is_light = np.append(scene.surfaces.token, -1), scene.is_light
     reach = np.linalg.norm(origin - eye, axis=1)  # the longest segment so far: precision depends on it
     before, origin = origin - LIFT * (origin - eye), origin + LIFT * reach[:, None] * direction
@@ -95,27 +95,43 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
         normal, inside, texel = surface(scene, triangle, point, direction)
         base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC], texel[:, TRANSMISSION]
         is_glass = (transmission > np.where(inside, LEAST_CLEAR, CLEAR)) & (metallic <= PURE)
-        if remaining == SURFACES - 1:
-            met, mirrors = ends.metal, metallic > PURE
-            met.position[path], met.normal[path], met.roughness[path] = point, normal, texel[:, ROUGHNESS, None]
-            met.color[path] = base * mirrors[:, None]
-            shows_lamps[path] = with_lamps | ~mirrors
-        else:
-            shows_lamps[path] = True
         tint = tint * np.where(is_glass[:, None], tint_of_glass(base), base)
         tint[inside & is_glass] *= (transmission[inside & is_glass, None] / TURBID).clip(max=1)
+        facet, shows_lamps[path] = normal, True
+        if start is not None:
+            facet = rough_facets(direction, normal, texel[:, ROUGHNESS], start[path], SURFACES - remaining)
+        if remaining == SURFACES - 1:
+            lobe = _metal_lobe(point, normal, texel) if start is None else _exit_lobe(
+                point, normal, texel, direction, is_glass & inside, tint)
+            for of_all, found in zip(vars(ends.lobe).values(), vars(lobe).values(), strict=True):
+                of_all[path] = found
+            shows_lamps[path] = ~lobe.color.any(1)
         ends.position[path], ends.normal[path] = point, normal
         matte = np.where(metallic > PURE, 1, (1 - metallic) * (1 - transmission))  # a rough metal counts as matte
         goes_on = is_glass | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)
         ends.color[path] = tint * np.where(goes_on, not remaining, matte)[:, None]
         before = point - LIFT * reach[:, None] * direction
         kind = np.where(is_glass, np.uint8(Ray.TRANSMISSION), np.uint8(Ray.GLOSSY))
-        direction = np.where(is_glass[:, None], refracted(direction, normal, texel[:, IOR], inside),
+        direction = np.where(is_glass[:, None], refracted(direction, facet, texel[:, IOR], inside),
                              reflected(direction, normal))
         origin = point + LIFT * reach[:, None] * direction
         path, kind, tint, before, origin, direction, reach = (
             x[goes_on] for x in (path, kind, tint, before, origin, direction, reach))
     return ends
+
+
+def _metal_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray) -> Lobe:
+    """At points (P, 3) of surfaces with these normals (P, 3) and material texels (P, C)."""
+    mirrors = texel[:, METALLIC, None] > PURE
+    return Lobe(point, normal, texel[:, BASE_COLOR] * mirrors, texel[:, ROUGHNESS, None])
+
+
+def _exit_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray, direction: np.ndarray,
+               is_inside: np.ndarray, tint: np.ndarray) -> Lobe:
+    """The same where paths of a tint (P, 3) leave glass that they are inside of (P,), along unit directions (P, 3)."""
+    axis, roughness, share = exit_lobe(direction, normal, texel[:, ROUGHNESS], texel[:, IOR].clip(1))
+    share = is_inside * share * np.maximum(texel[:, TRANSMISSION], TURBID)
+    return Lobe(point, axis, tint * share[:, None], roughness[:, None])
 
 
 def _emitted(scene: RenderScene, token: np.ndarray, direction: np.ndarray, ray: np.ndarray) -> np.ndarray:

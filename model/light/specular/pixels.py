@@ -42,15 +42,29 @@ def mirrored_highlights(guides: Guides, surfaces: HitSurfaces, direct: DirectLig
 
     The lobe of that is as much wider as the surface's own is.
     """
-    to_tensor, highlights = tensors_on(direct.device), torch.zeros_like(surfaces.position)
-    if guides.mirrored_color is None or not len(direct.emitters):
+    def widened(at: tuple[Tensor, Tensor], x: Tensor, n: Tensor, roughness: Tensor) -> tuple[Tensor, Tensor]:
+        return F.normalize(surfaces.position[at] - x, dim=-1), (roughness ** 4 + surfaces.roughness[at] ** 4) ** 0.25
+
+    return _highlights(guides, "mirrored", direct, widened)
+
+
+def exit_highlights(guides: Guides, direct: DirectLight) -> Tensor:
+    """(h, W, 3) radiance of the lamps that are seen through the rough glass that refractions leave first."""
+    return _highlights(guides, "exit", direct, lambda at, x, n, roughness: (n, roughness))
+
+
+def _highlights(guides: Guides, lobe: str, direct: DirectLight,
+                gloss_at: Callable[..., tuple[Tensor, Tensor]]) -> Tensor:
+    """gloss_at(pixels, position, normal, roughness): (P, 3) unit vectors to the viewer, and roughness (P,)."""
+    to_tensor = tensors_on(direct.device)
+    highlights = torch.zeros(*guides.alpha.shape, 3, device=direct.device)
+    if getattr(guides, f"{lobe}_color") is None or not len(direct.emitters):
         return highlights
-    color = to_tensor(guides.mirrored_color)
+    position, normal, color, roughness = (
+        to_tensor(getattr(guides, f"{lobe}_{kind}")) for kind in ("position", "normal", "color", "roughness"))
     at = (color.amax(-1) > 0).nonzero().unbind(1)
-    x, n, roughness = (to_tensor(picture)[at] for picture in (
-        guides.mirrored_position, guides.mirrored_normal, guides.mirrored_roughness))
-    n, outgoing = F.normalize(n, dim=-1), F.normalize(surfaces.position[at] - x, dim=-1)
-    gloss = outgoing, (roughness[:, 0] ** 4 + surfaces.roughness[at] ** 4) ** 0.25, torch.ones_like(n[:, 0])
+    x, n = position[at], F.normalize(normal[at], dim=-1)
+    gloss = *gloss_at(at, x, n, roughness[at][:, 0]), torch.ones_like(n[:, 0])
     start = r2_starts(torch.arange(RAYS * len(x), device=x.device)).view(-1, RAYS, 2)
     visible = direct.emitter_visibility(x, n, start, *gloss)[1]
     dark = torch.zeros_like(x)

@@ -96,6 +96,21 @@ def test_a_mirror_shows_the_highlight_of_the_metal_that_it_shows():
     assert dark.max() == 0 < lit.max()
 
 
+def test_rough_glass_shows_the_lamps_that_its_lobe_covers():
+    """As if what the camera sees were glass, which light leaves upwards or downwards below the lamp."""
+    scene, (view, guides) = floor_scene(), floor_view()
+    shape = guides.position.shape
+    up = np.broadcast_to(np.float16((0, 0, 1)), shape)
+    glass = {"transmission_color": guides.diffuse_color, "exit_position": np.zeros(shape, np.float32),
+             "exit_color": np.full(shape, 0.5, np.float16), "exit_roughness": np.full((*shape[:2], 1), 0.3, np.float16),
+             "refracted_position": guides.position, "refracted_normal": up,
+             "refracted_color": np.zeros(shape, np.float16), "refracted_light": np.zeros(shape, np.float32)}
+    light = scene_light(scene)
+    dark, lit = (estimate_light(light, view, replace(guides, exit_normal=normal, **glass)).direct[:, 2]
+                 for normal in (-up, up))
+    assert dark.max() == 0 < lit.max()
+
+
 @pytest.mark.parametrize("roughness", [0.1, 0.6])
 def test_what_was_traced_is_estimated_as_well_if_that_is_asked_for(roughness):
     """Together with the light that has bounced it is the picture without traced light."""

@@ -43,3 +43,10 @@ def test_surfaces_that_are_no_glass_are_left_alone(glass):
     glass = replace(glass, roughness=torch.ones_like(glass.roughness),
                     transmission=torch.zeros_like(glass.transmission))
     assert frosted(STRIPES, glass) is STRIPES
+
+
+def test_a_path_that_finds_light_of_a_lamp_by_chance_makes_no_blot(glass):
+    glass = replace(glass, roughness=torch.full_like(glass.roughness, 0.4))
+    light = torch.ones(64, 64, 3)
+    light[32, 32] = 1e4
+    assert 1 < frosted(light, glass).max() < 50

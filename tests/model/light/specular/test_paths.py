@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model.geometry import reflected, refracted
-from renderformer_v2.model.light.specular.paths import SURFACES, follow_paths
+from renderformer_v2.model.light.specular.facets import pixel_starts
+from renderformer_v2.model.light.specular.paths import SURFACES, PathEnds, follow_paths
 from renderformer_v2.model.scene import RenderScene, constant_tile
 
 RED, GOLD = (0.8, 0.1, 0.1), (1.0, 0.7, 0.3)
@@ -164,18 +165,42 @@ def test_a_path_ends_at_what_glass_stands_on_whichever_of_both_a_ray_happens_to_
     np.testing.assert_allclose(found.color, [RED], atol=1e-3)
 
 
-def test_lamps_in_a_mirror_of_a_mirror_are_seen_or_left_to_its_highlights():
+def test_lamps_in_a_mirror_of_a_mirror_are_left_to_its_highlights_and_behind_glass_they_are_seen():
     mirror = constant_tile(GOLD, metallic=1.0, roughness=0.1)
-    scene, start = walls((2, -1, mirror), (-1, 1, constant_tile()), shines=True), np.zeros((1, 3))
+    scene, origin = walls((2, -1, mirror), (-1, 1, constant_tile()), shines=True), np.zeros((1, 3))
     ray = np.float64([(1, 0, 0)])
-    seen, left = (follow_paths(scene, along_x(scene), start, ray, np.float32((-5, 0, 0)), with_lamps=each)
-                  for each in (True, False))
+    left, seen = (follow_paths(scene, along_x(scene), origin, ray, np.float32((-5, 0, 0)), start=start)
+                  for start in (None, np.zeros((1, 2), np.float32)))
     np.testing.assert_allclose(seen.light, [GOLD], atol=1e-3)
-    assert not left.light.any()
-    for found in (seen, left):
-        np.testing.assert_allclose(found.metal.position, [(2, 0, 0)], atol=1e-5)
-        np.testing.assert_allclose(found.metal.color, [GOLD], atol=1e-3)
-        assert found.metal.roughness[0, 0] == pytest.approx(0.1, abs=1e-3)
+    assert not left.light.any() and not seen.lobe.color.any()
+    np.testing.assert_allclose(left.lobe.position, [(2, 0, 0)], atol=1e-5)
+    np.testing.assert_allclose(left.lobe.color, [GOLD], atol=1e-3)
+    assert left.lobe.roughness[0, 0] == pytest.approx(0.1, abs=1e-3)
+
+
+def through_back(roughness: float, shines: bool = False) -> PathEnds:
+    """25 paths of neighbours that leave coloured glass at X = 1 before a wall at X = 4."""
+    back = constant_tile((0.25, 1, 1), roughness=roughness, ior=1.5, transmission=1.0)
+    scene = walls((1, 1, back), (4, -1, constant_tile(RED)), shines=shines)
+    rows, columns = (x.ravel() for x in np.mgrid[:5, :5])
+    rays = np.broadcast_to(np.float64((1, 0, 0)), (25, 3))
+    return follow_paths(scene, along_x(scene), np.zeros((25, 3)), rays, np.float32((-5, 0, 0)),
+                        start=pixel_starts(rows, columns))
+
+
+def test_neighbours_that_look_through_rough_glass_see_what_its_lobe_covers():
+    smooth, rough, rougher = (through_back(roughness).position[:, 1:] for roughness in (0.1, 0.3, 0.4))
+    assert np.abs(smooth).max() < 1e-5
+    assert 0.05 < rough.std() < rougher.std() < 2 and np.abs(rough.mean(0)).max() < 0.1
+
+
+def test_lamps_behind_rough_glass_are_left_to_its_lobe():
+    smooth, rough = (through_back(roughness, shines=True) for roughness in (0.1, 0.3))
+    np.testing.assert_allclose(smooth.light, [(0.5, 1, 1)] * 25, atol=1e-3)
+    assert not smooth.lobe.color.any() and not rough.light.any()
+    np.testing.assert_allclose(rough.lobe.position, [(1, 0, 0)] * 25, atol=1e-5)
+    np.testing.assert_allclose(rough.lobe.normal, [(1, 0, 0)] * 25, atol=1e-5)
+    assert rough.lobe.color[:, 0] == pytest.approx(rough.lobe.color[:, 1] / 2) and rough.lobe.color[0, 1] > 0.9
 
 
 def test_the_beam_of_a_lamp_is_seen_from_where_it_shines():
