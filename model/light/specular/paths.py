@@ -95,7 +95,8 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
         normal, inside, texel = surface(scene, triangle, point, direction)
         base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC], texel[:, TRANSMISSION]
         is_glass = (transmission > np.where(inside, LEAST_CLEAR, CLEAR)) & (metallic <= PURE)
-        tint = tint * np.where(is_glass[:, None], tint_of_glass(base), base)
+        kept = 1 - metallic[:, None] * np.where(inside[:, None], 1 - base, 1)  # metal mirrors some, inside once more
+        tint = tint * np.where(is_glass[:, None], kept * tint_of_glass(base), base)
         tint[inside & is_glass] *= (transmission[inside & is_glass, None] / TURBID).clip(max=1)
         facet, shows_lamps[path] = normal, True
         if start is not None:

@@ -109,6 +109,14 @@ def test_a_path_leaves_glass_that_is_partly_matte_from_inside():
         np.testing.assert_allclose(found.color, [(color or 1 - transmission,) * 3], atol=1e-3)
 
 
+def test_glass_that_is_partly_metal_lets_less_through_and_mirrors_some_of_that_once_more_inside():
+    part = constant_tile((0.25, 1, 1), roughness=0.0, ior=1.5, transmission=1.0, metallic=0.4)
+    white = constant_tile((1, 1, 1))
+    entered, left = (ends(walls((1, side, part), (4, -1, white))) for side in (-1, 1))
+    np.testing.assert_allclose(entered.color, [(0.3, 0.6, 0.6)], atol=1e-3)
+    np.testing.assert_allclose(left.color, [(0.35, 1, 1)], atol=1e-3)
+
+
 def test_paths_end_in_the_light_of_lamps_and_of_the_sky_in_the_colour_of_the_glass_before_these():
     pane = (1, -1, constant_tile((0.25, 1, 1), roughness=0.0, ior=1.0, transmission=1.0))
     sky = np.zeros((4, 8, 3), np.float32)
