@@ -29,13 +29,13 @@ def frosted(light: Tensor, surfaces: HitSurfaces) -> Tensor:
         return light
     x, n = (picture.permute(2, 0, 1).contiguous() for picture in (surfaces.position, surfaces.normal))
     tolerance, close = plane_tolerance(x, is_glass), WIDTH * surfaces.roughness.clamp_min(LEAST_ROUGHNESS).square()
-    brightness = light.mean(-1, keepdim=True)
+    brightness = light.mean(-1)
     common = BRIGHT * brightness[is_rough].sqrt().mean().square().clamp_min(1e-12)
-    table = F.pad(light, (0, 1), value=1.0) * common / (common + brightness)
+    counts = is_glass * common / (common + brightness)
     for spread in SPREADS:
         number, weight = neighbour_weights(x, n, tolerance, spread, close)
-        total = weighted_rows(table.flatten(0, 1), number, weight * is_glass.flatten()[number])
+        table = F.pad(light.flatten(0, 1), (0, 1), value=1.0)
+        total = weighted_rows(table, number, weight * counts.flatten()[number])
         mean = total[:, :-1] / total[:, -1:].clamp_min(1e-6)
-        light = torch.where(is_rough[..., None], mean.view_as(light), light)
-        table = F.pad(light, (0, 1), value=1.0)
+        light, counts = torch.where(is_rough[..., None], mean.view_as(light), light), is_glass
     return light

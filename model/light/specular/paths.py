@@ -95,15 +95,16 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
         normal, inside, texel = surface(scene, triangle, point, direction)
         base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC], texel[:, TRANSMISSION]
         is_glass = (transmission > np.where(inside, LEAST_CLEAR, CLEAR)) & (metallic <= PURE)
+        leaves = is_glass & inside
         kept = 1 - metallic[:, None] * np.where(inside[:, None], 1 - base, 1)  # metal mirrors some, inside once more
         tint = tint * np.where(is_glass[:, None], kept * tint_of_glass(base), base)
-        tint[inside & is_glass] *= (transmission[inside & is_glass, None] / TURBID).clip(max=1)
+        tint[leaves] *= (transmission[leaves, None] / TURBID).clip(max=1)
         facet, shows_lamps[path] = normal, True
         if start is not None:
-            facet = rough_facets(direction, normal, texel[:, ROUGHNESS], start[path], SURFACES - remaining)
+            facet = rough_facets(direction, normal, texel[:, ROUGHNESS] * is_glass, start[path], SURFACES - remaining)
         if remaining == SURFACES - 1:
             lobe = _metal_lobe(point, normal, texel) if start is None else _exit_lobe(
-                point, normal, texel, direction, is_glass & inside, tint)
+                point, normal, texel, direction, leaves, tint)
             for of_all, found in zip(vars(ends.lobe).values(), vars(lobe).values(), strict=True):
                 of_all[path] = found
             shows_lamps[path] = ~lobe.color.any(1)
