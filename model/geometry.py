@@ -85,6 +85,11 @@ def corner_weights(first_two: np.ndarray) -> np.ndarray:
     return np.concatenate([first_two, 1 - first_two.sum(-1, keepdims=True)], axis=-1)
 
 
+def interpolated(weights: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(P, C) what triangles with (P, 3, C) at their corners have where these have weights (P, 3)."""
+    return np.einsum("pk,pkc->pc", weights, corners)
+
+
 def barycentric(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(..., 3) f64 weights of the corners of (..., 3, 3) triangles at the projections of (..., 3) points.
 

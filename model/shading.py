@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .geometry import area_vectors, barycentric, corner_weights, dot, nearest_texels, unit
+from .geometry import area_vectors, barycentric, corner_weights, dot, interpolated, nearest_texels, unit
 from .scene import RenderScene, texels
 
 GRAZING = 0.02  # least cosine between the viewer and a normal that is bent
@@ -37,7 +37,7 @@ def shading_normals(scene: RenderScene, triangle: np.ndarray, weights: np.ndarra
     """
     surfaces = scene.surfaces
     side = area_vectors(surfaces.triangles[triangle])
-    normal = unit(np.einsum("pk,pkc->pc", weights, surfaces.normals[triangle]))
+    normal = unit(interpolated(weights, surfaces.normals[triangle]))
     normal = np.where(dot(side, ray)[:, None] > 0, -normal, normal)
     return bent_toward(normal, ray, dot(normal, side) * dot(side, ray) < 0).astype(np.float32)
 
@@ -63,7 +63,7 @@ def on_tokens(scene: RenderScene, triangle: np.ndarray, weights: np.ndarray) -> 
     if scene.geometry is None:
         return triangle, weights
     corners, token = scene.geometry.triangles[triangle], scene.geometry.token[triangle]
-    point = np.einsum("pk,pkc->pc", corner_weights(weights), corners)
+    point = interpolated(corner_weights(weights), corners)
     return token, _nearest_weights(scene.triangles[token], point)[:, :2]
 
 

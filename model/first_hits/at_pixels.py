@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ..geometry import area_vectors, barycentric, dot, unit
+from ..geometry import area_vectors, barycentric, dot, interpolated, unit
 from ..scene import PARAMETERS, RenderScene, View
 from ..shading import GRAZING, bent_toward
 
@@ -57,7 +57,7 @@ def appearance(scene: RenderScene, materials: Materials, view: View, rays: np.nd
 
     def steps(rows: np.ndarray) -> np.ndarray:
         shape, ahead = corners[triangle[rows]], ray[rows]
-        distance = dot(np.einsum("pk,pkc->pc", weights[rows], shape) - origin, ahead)
+        distance = dot(interpolated(weights[rows], shape) - origin, ahead)
         return _steps(shape, ahead, distance, _turns(rays, at[rows]))
 
     result = materials.at(triangle, weights, normal, steps)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..camera import view_rays, view_rays_at
-from ..geometry import barycentric, corner_weights, dot, facing, unit
+from ..geometry import barycentric, corner_weights, dot, facing, interpolated, unit
 from ..progress import part
 from ..rays import Hits
 from ..scene import Guides, RenderScene, View
@@ -195,7 +195,7 @@ def _first_surfaces(scene: RenderScene, view: View, target: np.ndarray, hit: np.
         with part(0.5, 1.0, FINDING):
             nearest = nearest_triangles(scene.triangles, target[remaining])
         weights = barycentric(scene.triangles[nearest], target[remaining]).astype(np.float32)
-        normal = facing(unit(np.einsum("pk,pkc->pc", weights.clip(0), scene.normals[nearest])), rays[remaining])
+        normal = facing(unit(interpolated(weights.clip(0), scene.normals[nearest])), rays[remaining])
         result.set(remaining, FirstSurfaces(target[remaining], normal, nearest, weights[:, :2].clip(0, 1)))
     return result
 

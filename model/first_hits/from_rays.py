@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry import corner_weights
+from ..geometry import corner_weights, interpolated
 from ..material.reflectance import normal_reflectance
 from ..scene import (
     BASE_COLOR,
@@ -80,7 +80,7 @@ class AccumulatedGuides:
     def _place(self, at: np.ndarray, rays: np.ndarray, row: np.ndarray, weights: np.ndarray) -> None:
         """Write position, normal, depth and token of pixels by number (P,)."""
         scene, camera, share = self._scene, self._view.camera_to_world, corner_weights(weights)
-        position = np.einsum("pk,pkc->pc", share, scene.surfaces.triangles[row])
+        position = interpolated(share, scene.surfaces.triangles[row])
         self._flat("position")[at] = position
         self._flat("normal")[at] = shading_normals(scene, row, share, rays.reshape(-1, 3)[at])
         self._flat("depth")[at] = (position - camera[:3, 3]) @ -camera[:3, 2]

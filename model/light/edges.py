@@ -17,7 +17,7 @@ from torch.nn import functional as F
 
 from ..first_hits.camera_rays import SAMPLE_POINTS, CameraRays, Samples
 from ..first_hits.from_rays import lobe_colors
-from ..geometry import corner_weights
+from ..geometry import corner_weights, interpolated
 from ..pictures import bands
 from ..scene import Guides, RenderScene, View
 from .edge_stopping import edge_weights, plane_tolerance
@@ -101,8 +101,8 @@ class _Picture:
     def of(cls, scene: RenderScene, guides: Guides, device: torch.device) -> _Picture:
         position, covered = _to_planes(guides.position, device), torch.from_numpy(guides.alpha > 0).to(device)
         hit, smooth = guides.hit_triangle >= 0, np.zeros_like(guides.normal)
-        weights, corners = corner_weights(guides.hit_barycentric[hit]), scene.normals[guides.hit_triangle[hit]]
-        smooth[hit] = np.einsum("pk,pkc->pc", weights, corners)
+        weights = corner_weights(guides.hit_barycentric[hit])
+        smooth[hit] = interpolated(weights, scene.normals[guides.hit_triangle[hit]])
         normal, smooth = (F.normalize(_to_planes(normals, device), dim=0) for normals in (guides.normal, smooth))
         return cls(position, normal, smooth, covered, plane_tolerance(position, covered))
 

@@ -112,13 +112,13 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
         if refracted:  # all kinds at once, which have the same weights
             blurred = frosted(torch.cat(list(refracted.values()), -1), surfaces)
             refracted = dict(zip(refracted, blurred.split(3, -1), strict=True))
-    dark, is_toward = torch.zeros_like(bounced), surfaces.is_toward
+    dark = torch.zeros_like(bounced)
     sharp = (1 - blur(surfaces.roughness)[..., None]) * has_end
     common = _materials(surfaces) | {"is_traced": dark.new_full((1,), float(is_traced)), "has_rays": dark.new_ones(1)}
 
     def surface_light(bounced: Tensor, glossy: Tensor, kind: str, **other: Tensor) -> SurfaceLight:
         fields = {"bounced": bounced, "behind": behind[kind], "glow": glow, "traced": dark,
-                  "reflected": (torch.lerp(glossy, mirrored[kind], sharp) if mirrored else glossy) * is_toward,
+                  "reflected": (torch.lerp(glossy, mirrored[kind], sharp) if mirrored else glossy) * surfaces.is_toward,
                   "refracted": refracted.get(kind, dark)} | other
         return SurfaceLight(direct=_stack(lobes), **common, **{k: _channels_first(x) for k, x in fields.items()})
 
@@ -127,7 +127,6 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
         with part(0.7, 1.0):
             lobes = direct_light(direct, probes, surfaces, sky, gloss.sky, refracted.get("direct"), effort,
                                  is_traced)
-            lobes[1] = lobes[1] * is_toward
         if surfaces.translucent is not None:
             lobes[0] = torch.lerp(lobes[0], behind["complete"] - behind["bounced"], surfaces.translucent)
         if mirrored and guides.reflected_light is not None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...model import progress
-from ...model.geometry import corner_weights, facing, unit
+from ...model.geometry import corner_weights, facing, interpolated, unit
 from ...model.rays import Rays
 from ...model.surface_kinds import Ray
 from .data.blocks import Material
@@ -116,7 +116,7 @@ class Sketch:
         normals = np.empty((len(row), 3), np.float32)
         for number in np.unique(item):
             own, (surface, instance) = item == number, self._items[number]
-            smooth = np.einsum("pk,pkc->pc", share[own], _mesh(surface).normals[row[own]])
+            smooth = interpolated(share[own], _mesh(surface).normals[row[own]])
             normals[own] = smooth @ np.linalg.pinv(instance.matrix[:3, :3])
         return facing(unit(normals), rays)
 

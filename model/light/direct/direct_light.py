@@ -18,6 +18,7 @@ from ...scene_rays import scene_rays
 from ...surface_kinds import OCCLUDING, SHADING, Ray
 from ..chunks import in_chunks
 from ..cutouts import Cutouts
+from ..hit_surfaces import LEANING
 from ..media.in_scattering import InScattering
 from ..media.transmittance import fog_of
 from ..sampling import hashed_starts
@@ -183,8 +184,8 @@ class DirectLight:
 
         position, normal, outgoing (towards the viewer): (P, 3), unit vectors; roughness (P,), perceptual; f0 (P,). The
         normal is taken as it is: Cycles has turned it towards the viewer's side, and smooth ones may lean away at a
-        silhouette. visibility: all of the light without it. footprint: (P, 2, 9), of pixels (footprints.py). Points
-        whose normal is zero receive none.
+        silhouette, where up to LEANING something is mirrored. visibility: all of the light without it. footprint:
+        (P, 2, 9), of pixels (footprints.py). Points whose normal is zero receive none.
         """
         visibility = LobeVisibility.full(position) if visibility is None else visibility
         return in_chunks(CHUNK, self._lobes, position, normal, outgoing, roughness, f0, *visibility, *footprint)
@@ -193,14 +194,15 @@ class DirectLight:
                *rest: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         visible, footprint = LobeVisibility(*rest[:5]), rest[5:]
         has_normal = (n.square().sum(-1, keepdim=True) > 0.25).float()
+        cosine = (n * v).sum(-1, keepdim=True)
         diffuse, glossy = self.emitters.lobes(x, n, v, roughness, f0, *footprint)
         diffuse, glossy = diffuse * visible.emitters, glossy * visible.glossy_emitters
         transmitted = torch.zeros_like(diffuse)
         if (environment := self.sky_seen_by(Ray.DIFFUSE)) is not None:
             diffuse = diffuse + environment.irradiance(n) * visible.sky / math.pi
         if (environment := self.sky_seen_by(Ray.GLOSSY)) is not None:
-            mirrored = 2 * (n * v).sum(-1, keepdim=True) * n - v
+            mirrored = 2 * cosine * n - v
             glossy = glossy + environment.filtered(mirrored, roughness) * visible.glossy_sky
         if (environment := self.sky_seen_by(Ray.TRANSMISSION)) is not None:
             transmitted = environment.filtered(-v, roughness) * visible.sky_behind
-        return diffuse * has_normal, glossy * has_normal, transmitted * has_normal
+        return diffuse * has_normal, glossy * has_normal * (cosine > -LEANING), transmitted * has_normal

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import fields as dataclass_fields
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,13 +21,24 @@ from ...surface_kinds import ALL, BENDING, Ray
 from .facets import pixel_starts, rough_facets
 from .paths import Lobe, Media, PathEnds, follow_paths
 
-RAYS = {"reflected": Ray.GLOSSY, "refracted": Ray.TRANSMISSION}
-LOBES = {"reflected": "mirrored", "refracted": "exit"}  # of what paths meet first
-BOUNCES = {"reflected": "glossy", "refracted": "transmission"}
-LEAST_COLOR = {"reflected": 0.08, "refracted": 0.05}  # of a lobe from which on paths are followed: above plastic's
 PATHS = 1 << 18  # of a lobe, at most
 CHUNK = 1 << 14  # paths that are followed at a time
 FULL = "position", "light"  # fields in full floats, others in half ones
+
+
+class PathLobe(NamedTuple):
+    """A lobe along which paths leave first hits: `albedo` and `bounces` are what Guides and most bounces call it."""
+
+    name: str
+    albedo: str
+    bounces: str
+    ray: Ray
+    least: float     # albedo from which on paths are followed
+    first_lobe: str  # name of the lobe of what paths meet first
+
+
+LOBES = (PathLobe("reflected", "glossy_color", "glossy", Ray.GLOSSY, 0.08, "mirrored"),  # above plastic's
+         PathLobe("refracted", "transmission_color", "transmission", Ray.TRANSMISSION, 0.05, "exit"))
 
 
 def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
@@ -34,42 +46,52 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
 
     In a large picture paths start at every second, third... pixel along either side.
     """
-    colors = {"reflected": guides.glossy_color, "refracted": guides.transmission_color}
-    pixels = {lobe: (color.max(-1) > LEAST_COLOR[lobe]) & (guides.hit_triangle >= 0) for lobe, color in colors.items()}
-    if not any(mask.any() for mask in pixels.values()):
+    masks = {lobe: (getattr(guides, lobe.albedo).max(-1) > lobe.least) & (guides.hit_triangle >= 0) for lobe in LOBES
+             if min(scene.most_bounces[lobe.bounces], scene.most_bounces["all"])}
+    masks = {lobe: mask for lobe, mask in masks.items() if mask.any()}
+    if not masks:
         return guides
-    rays, most, media = scene_rays(scene), scene.most_bounces, _media(scene)
+    media = _media(scene)
     fields = {}
-    for lobe, mask in pixels.items():
-        if not mask.any() or not min(most[BOUNCES[lobe]], most["all"]):
-            continue
-        everything = rays.among(ALL, RAYS[lobe])
-        solid = rays.among(ALL & ~BENDING, RAYS[lobe]).closest if len(rays.rows(BENDING, RAYS[lobe])) else None
+    for lobe, mask in masks.items():
         step = max(math.ceil(math.sqrt(mask.sum() / PATHS)), 1)
         rows, columns = (step * index for index in np.nonzero(mask[::step, ::step]))
-
-        def follow(rows: np.ndarray, columns: np.ndarray, lobe=lobe, cast=everything.closest, solid=solid,
-                   step=step) -> PathEnds:
-            start = pixel_starts(rows // step, columns // step) if lobe == "refracted" else None
-            first = _first_segments(guides, scene, view, rows, columns, start)
-            return follow_paths(scene, cast, *first, solid, media, start)
-
-        chunks = [(rows[first:first + CHUNK], columns[first:first + CHUNK]) for first in range(0, len(rows), CHUNK)]
-        with part(0.0, 1.0, "Tracing mirrors and glass"):
-            ends = spread(follow, chunks)
-        values = {f"{lobe}_{kind}": np.concatenate([getattr(chunk, kind) for chunk in ends])
-                  for kind in ("position", "normal", "color", "light")}
-        if lobe == "reflected":
-            values["reflected_light"] *= values["reflected_normal"].any(1, keepdims=True)  # the rest is direct light
-        if any(chunk.lobe.color.any() for chunk in ends):
-            values |= {f"{LOBES[lobe]}_{kind.name}": np.concatenate([getattr(chunk.lobe, kind.name) for chunk in ends])
-                       for kind in dataclass_fields(Lobe)}
-        for name, value in values.items():
+        ends = _follow(guides, scene, view, lobe, rows, columns, step, media)
+        for name, value in _values(ends, lobe).items():
             picture = np.zeros((*mask.shape, value.shape[1]), np.float32 if name.endswith(FULL) else np.float16)
             picture[rows, columns] = value
             filled = picture[::step, ::step].repeat(step, 0).repeat(step, 1)[:mask.shape[0], :mask.shape[1]]
             fields[name] = np.where(mask[..., None], filled, 0)
     return replace(guides, **fields)
+
+
+def _follow(guides: Guides, scene: RenderScene, view: View, lobe: PathLobe, rows: np.ndarray, columns: np.ndarray,
+            step: int, media: Media | None) -> list[PathEnds]:
+    """The paths of some pixels, every `step`-th, in chunks."""
+    rays = scene_rays(scene)
+    everything = rays.among(ALL, lobe.ray)
+    solid = rays.among(ALL & ~BENDING, lobe.ray).closest if len(rays.rows(BENDING, lobe.ray)) else None
+
+    def follow(rows: np.ndarray, columns: np.ndarray) -> PathEnds:
+        start = pixel_starts(rows // step, columns // step) if lobe.ray == Ray.TRANSMISSION else None
+        first = _first_segments(guides, scene, view, rows, columns, start)
+        return follow_paths(scene, everything.closest, *first, solid, media, start)
+
+    chunks = [(rows[first:first + CHUNK], columns[first:first + CHUNK]) for first in range(0, len(rows), CHUNK)]
+    with part(0.0, 1.0, "Tracing mirrors and glass"):
+        return spread(follow, chunks)
+
+
+def _values(ends: list[PathEnds], lobe: PathLobe) -> dict[str, np.ndarray]:
+    """Fields of Guides, of all paths (S, C)."""
+    values = {f"{lobe.name}_{kind}": np.concatenate([getattr(chunk, kind) for chunk in ends])
+              for kind in ("position", "normal", "color", "light")}
+    if lobe.ray == Ray.GLOSSY:
+        values["reflected_light"] *= values["reflected_normal"].any(1, keepdims=True)  # the rest is direct light
+    if any(chunk.lobe.color.any() for chunk in ends):
+        values |= {f"{lobe.first_lobe}_{kind.name}": np.concatenate([getattr(chunk.lobe, kind.name) for chunk in ends])
+                   for kind in dataclass_fields(Lobe)}
+    return values
 
 
 def _media(scene: RenderScene) -> Media | None:
