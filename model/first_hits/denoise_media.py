@@ -45,8 +45,8 @@ def varies(picture: np.ndarray) -> np.ndarray:
 def smoothed(guides: Guides, volumes: Volumes | None, view: View, surface: Behind | None = None) -> Guides:
     """Guides whose coverage and colours, and the environment by it, are local means where a ray crosses a medium.
 
-    All are in one frame, in any units. If the `surface` behind the medium is known, the share of it that is visible is
-    averaged, not its colour.
+    All are in one frame, in any units. If the `surface` behind the medium is known, the share of it that is visible in
+    each colour is averaged, not the surface's colour.
     """
     inside = None if volumes is None or not len(volumes) else crossed(guides, volumes, view)
     if inside is None or not inside.any():
@@ -58,14 +58,20 @@ def smoothed(guides: Guides, volumes: Volumes | None, view: View, surface: Behin
         if surface is None:
             changed[name] = _mean(colors, inside, inside)
         else:
-            visible, full = (_mean(c.mean(axis=-1), inside, inside) for c in (colors, surface.colors[i]))
-            share = np.where(full > FAINT, visible / np.maximum(full, FAINT), 0)[..., None]
+            share = _share(*(_mean(c, inside, inside) for c in (colors, surface.colors[i])))
             changed[name] = np.where(inside[..., None], surface.colors[i] * share, colors).astype(np.float32)
     through, clear = 1 - guides.alpha[..., None], 1 - changed["alpha"][..., None]
     behind = np.where(through > CLEAR, guides.environment / np.maximum(through, CLEAR),
                       _mean_by_coverage(guides.environment, inside, front) / np.maximum(clear, 1e-3))
     environment = np.where(inside[..., None], behind * clear, guides.environment)
     return replace(guides, environment=environment.astype(np.float32), **changed)
+
+
+def _share(visible: np.ndarray, full: np.ndarray) -> np.ndarray:
+    """(H, W, 3) of the light of each colour that comes through a medium, by colours (H, W, 3) behind it and before."""
+    share, of_all = (np.where(whole > FAINT, some / np.maximum(whole, FAINT), np.nan) for some, whole in (
+        (visible, full), (visible.mean(-1, keepdims=True), full.mean(-1, keepdims=True))))
+    return np.nan_to_num(np.where(np.isnan(share), of_all, share))
 
 
 def _mean_by_coverage(values: np.ndarray, inside: np.ndarray, share: np.ndarray | None) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import bpy
 import numpy as np
@@ -19,6 +20,7 @@ from renderformer_v2.rf2_engine.convert.data.copied import ConversionOptions  # 
 from renderformer_v2.rf2_engine.convert.data.report import Report  # noqa: E402
 from renderformer_v2.rf2_engine.convert.scene import convert  # noqa: E402
 from renderformer_v2.rf2_engine.cycles import session as cycles_session  # noqa: E402
+from renderformer_v2.rf2_engine.cycles.session import CameraModel  # noqa: E402
 from renderformer_v2.rf2_engine.cycles.world import CyclesWorld  # noqa: E402
 from renderformer_v2.rf2_engine.frame.first_hits import make_guides  # noqa: E402
 from renderformer_v2.rf2_engine.progress.status import Status  # noqa: E402
@@ -79,18 +81,22 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
     converted = time.perf_counter()
     cycles = depsgraph.scene_eval.cycles
     clamp, cycles.sample_clamp_indirect = cycles.sample_clamp_indirect, 0.0
-    counts = sample.counts
-    reference = cycles_session.render_passes(engine, depsgraph, sampling=Sampling(counts.reference), light=Light.ALL,
-                                             denoise=True)
+    counts, hazy = sample.counts, bool(sample.scene.volumes)
+    # Through media the world is noisy, and is denoised with what is before it.
+    finished = partial(cycles_session.render_passes, engine, depsgraph, light=Light.ALL, denoise=True,
+                       model=CameraModel(opaque_film=hazy))
+    reference = finished(sampling=Sampling(counts.reference))
     cycles.sample_clamp_indirect = clamp
     cycles.seed += 1  # hints must not share the reference's noise
     hints = cycles_session.render_passes(engine, depsgraph, sampling=Sampling(counts.hints), light=Light.TRACED,
-                                         hazy=bool(sample.scene.volumes))
+                                         hazy=hazy)
     if counts.equal:
-        equal = cycles_session.render_passes(engine, depsgraph, sampling=Sampling(counts.equal), light=Light.ALL,
-                                             denoise=True)
-        reference["equal"] = equal["combined"]
+        reference["equal"] = finished(sampling=Sampling(counts.equal))["combined"]
     cycles.seed -= 1
+    if hazy:
+        for name in {"combined", "equal"} & reference.keys():
+            reference[name][..., :3] -= reference["environment"]
+        reference["combined"][..., 3:] = hints["alpha"]
     rendered = time.perf_counter()
     sample.guides.append(make_guides(hints, sample.scene, view))
     sample.views.append(view)

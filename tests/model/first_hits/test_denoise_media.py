@@ -80,6 +80,17 @@ def test_edges_behind_a_medium_stay_as_smooth_as_what_is_known_of_them(noisy):
     assert alpha[middle - 1] == pytest.approx(0.75 * alpha[middle - 2] + 0.25 * alpha[middle], rel=0.15)
 
 
+def test_surfaces_behind_a_medium_have_its_colour(noisy):
+    """A grey floor behind fog that takes half of the red light and all of the blue."""
+    view, guides = noisy
+    guides.diffuse_color *= np.float32((0.5, 1, 0)) * 0.6
+    full = np.ones((SIZE, SIZE), np.float32)
+    after = smoothed(guides, fog((0, 0, 1.5), 2.0), view, Behind(np.full((3, SIZE, SIZE, 3), 0.6, np.float32), full))
+    red, green, blue = after.diffuse_color[8:-8, 8:-8].mean((0, 1))
+    assert green == pytest.approx(0.3, rel=0.1)
+    assert red == pytest.approx(green / 2, rel=0.01) and blue == 0
+
+
 def test_pixels_beside_others_vary_where_their_colours_do():
     picture = np.zeros((4, 6, 1), np.float32)
     picture[:, 3:] = 0.5
