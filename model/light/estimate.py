@@ -18,7 +18,7 @@ from ..light_passes import LOBES
 from ..pictures import bands
 from ..progress import part
 from ..scene import Guides, RenderScene, View
-from .bounce.pixels import diffuse_bounces, glossy_bounces, outgoing_radiance
+from .bounce.pixels import diffuse_bounces, glossy_bounces, light_behind, outgoing_radiance
 from .bounce.radiosity import Radiosity
 from .direct.direct_light import DirectLight
 from .direct.footprints import footprints
@@ -26,11 +26,10 @@ from .direct.pixels import direct_light
 from .edges import find_edges
 from .effort import FULL, Effort
 from .hit_surfaces import HitSurfaces, tensors_on
-from .probes import SMOOTH, ComputeLight, Probes, probe_grid
+from .probes import SMOOTH, Probes, probe_grid
 from .separation import Separation
-from .specular.frosted import frosted
 from .specular.paths import blur
-from .specular.pixels import exit_highlights, mirrored_highlights, path_end_light
+from .specular.pixels import path_end_light, reflected_light, refracted_light
 from .surface_light import SurfaceLight
 
 BEYOND = 4.0           # network units from a camera that sees nothing: no medium is farther off
@@ -93,25 +92,19 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
         gloss = glossy_bounces(radiosity, probes, surfaces, filters, effort, is_traced, with_direct)
     with part(0.4, 0.5):
         passes = surfaces.transmission.amax(-1, keepdim=True) > 0
-        if surfaces.translucent is not None:
-            passes |= surfaces.translucent > 0
-        behind = probes.interpolate(_behind(outgoing), rise, filters=filters, where=passes)
         with_chains = bounced
         if surfaces.translucent is not None:
-            through = probes.interpolate(_behind(partial(radiosity.behind, effort=effort)), rise, filters=filters,
-                                         where=surfaces.translucent > 0)
+            is_translucent = surfaces.translucent > 0
+            passes |= is_translucent
+            through = light_behind(partial(radiosity.behind, effort=effort), probes, rise, filters, is_translucent)
             with_chains, bounced = (torch.lerp(bounced, through[kind], surfaces.translucent)
                                     for kind in ("all", "bounced" if is_traced else "all"))
+        behind = light_behind(outgoing, probes, rise, filters, passes)
+    path_ends = partial(path_end_light, make_probes, outgoing, filters, direct.device)
     with part(0.5, 0.6):
-        mirrored, has_end = path_end_light("reflected", guides, make_probes, outgoing, filters, direct.device)
+        mirrored, has_end = reflected_light(guides, surfaces, direct, path_ends)
     with part(0.6, 0.7):
-        refracted = path_end_light("refracted", guides, make_probes, outgoing, filters, direct.device)[0] or {}
-        if with_direct and guides.refracted_light is not None:
-            refracted["direct"] = (tensors_on(direct.device)(guides.refracted_light)
-                                   + exit_highlights(guides, direct))
-        if refracted:  # all kinds at once, which have the same weights
-            blurred = frosted(torch.cat(list(refracted.values()), -1), surfaces)
-            refracted = dict(zip(refracted, blurred.split(3, -1), strict=True))
+        refracted = refracted_light(guides, surfaces, direct, path_ends, with_direct)
     dark = torch.zeros_like(bounced)
     sharp = (1 - blur(surfaces.roughness)[..., None]) * has_end
     common = _materials(surfaces) | {"is_traced": dark.new_full((1,), float(is_traced)), "has_rays": dark.new_ones(1)}
@@ -129,9 +122,6 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
                                  is_traced)
         if surfaces.translucent is not None:
             lobes[0] = torch.lerp(lobes[0], behind["complete"] - behind["bounced"], surfaces.translucent)
-        if mirrored and guides.reflected_light is not None:
-            mirrored["complete"] = (mirrored["complete"] + tensors_on(direct.device)(guides.reflected_light)
-                                    + mirrored_highlights(guides, surfaces, direct))
         glow = _glow(direct, surfaces)
         complete = surface_light(with_chains if fire is None else with_chains + fire, gloss.complete, "complete")
         if not is_traced:
@@ -141,11 +131,6 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     if not with_direct:
         return beside
     return replace(beside, direct=complete.direct + complete.indirect() - beside.indirect())
-
-
-def _behind(compute: ComputeLight) -> ComputeLight:
-    """The same on the other side of surfaces that points are raised above, by (P, 1)."""
-    return lambda x, n, number, rise: compute(x - 2 * rise * n, -n, number)
 
 
 def _unshadowed_light(light: SceneLight, view: View, guides: Guides) -> SurfaceLight:

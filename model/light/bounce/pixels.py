@@ -11,7 +11,7 @@ from ...progress import part
 from ..direct.direct_light import SKY_RAYS, DirectLight
 from ..effort import Effort
 from ..hit_surfaces import HitSurfaces
-from ..probes import SMOOTH, Probes
+from ..probes import SMOOTH, ComputeLight, Probes
 from ..specular.paths import BLURRED
 from .radiosity import DiffuseLight, GlossyLight, Radiosity
 
@@ -63,6 +63,15 @@ def glossy_bounces(radiosity: Radiosity, probes: Probes, surfaces: HitSurfaces, 
     pictures = {name: smooth[name] + rough[name] for name in smooth}
     bounced = pictures["bounced"] + pictures["missed"] if is_traced else None
     return GlossyPixels(pictures["complete"], bounced, pictures.get("missed"), pictures.get("sky"))
+
+
+def light_behind(compute: ComputeLight, probes: Probes, rise: Tensor, filters: Iterable[int],
+                 where: Tensor) -> dict[str, Tensor]:
+    """(h, W, 3) what `compute` gives on the other side of the surfaces that probes are raised above, by (h, W, 1)."""
+    def compute_behind(x: Tensor, n: Tensor, number: Tensor, rise: Tensor) -> dict[str, Tensor]:
+        return compute(x - 2 * rise * n, -n, number)
+
+    return probes.interpolate(compute_behind, rise, filters=filters, where=where)
 
 
 def outgoing_radiance(radiosity: Radiosity, direct: DirectLight | None, effort: Effort, x: Tensor, n: Tensor,

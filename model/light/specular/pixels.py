@@ -14,22 +14,50 @@ from ..direct.direct_light import DirectLight, LobeVisibility
 from ..hit_surfaces import HitSurfaces, tensors_on
 from ..probes import Probes
 from ..sampling import r2_starts
+from .frosted import frosted
 
 RAYS = 4  # to each emitter from a mirrored point
+PathEndLight = Callable[[str, Guides], tuple[dict[str, Tensor], Tensor]]  # `path_end_light`, of a lobe
 
 
-def path_end_light(lobe: str, guides: Guides, make_probes: Callable[..., Probes],
-                   outgoing: Callable[..., dict[str, Tensor]], filters: Iterable[int],
-                   device: torch.device) -> tuple[dict[str, Tensor] | None, Tensor]:
+def reflected_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight,
+                    path_ends: PathEndLight) -> tuple[dict[str, Tensor], Tensor]:
+    """What mirrors show, (h, W, 3) "bounced" or "complete", and (h, W, 1) bool where they show surfaces.
+
+    Empty where no paths were followed.
+    """
+    light, has_end = path_ends("reflected", guides)
+    if "complete" in light and guides.reflected_light is not None:
+        light["complete"] = (light["complete"] + tensors_on(direct.device)(guides.reflected_light)
+                             + mirrored_highlights(guides, surfaces, direct))
+    return light, has_end
+
+
+def refracted_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, path_ends: PathEndLight,
+                    with_direct: bool) -> dict[str, Tensor]:
+    """What glass shows, (h, W, 3) from surfaces, "bounced" or "complete", and `with_direct` from lamps and the sky,
+    "direct"; blurred where it is rough. Empty where no paths were followed."""
+    light, _ = path_ends("refracted", guides)
+    if with_direct and guides.refracted_light is not None:
+        light["direct"] = tensors_on(direct.device)(guides.refracted_light) + exit_highlights(guides, direct)
+    if not light:
+        return light
+    blurred = frosted(torch.cat(list(light.values()), -1), surfaces)  # all at once, which have the same weights
+    return dict(zip(light, blurred.split(3, -1), strict=True))
+
+
+def path_end_light(make_probes: Callable[..., Probes], outgoing: Callable[..., dict[str, Tensor]],
+                   filters: Iterable[int], device: torch.device, lobe: str,
+                   guides: Guides) -> tuple[dict[str, Tensor], Tensor]:
     """(h, W, 3) radiance from the surfaces at which specular paths end, tinted, and (h, W, 1) bool where they meet any.
 
     lobe: "reflected" or "refracted". outgoing(position, normal, number): (P, 3) radiance of white diffuse surfaces, of
-    several kinds. None where no paths were followed.
+    several kinds. Empty where no paths were followed.
     """
     to_tensor = tensors_on(device)
     arrays = [getattr(guides, f"{lobe}_{kind}") for kind in ("position", "normal", "color")]
     if arrays[0] is None:
-        return None, to_tensor(np.zeros_like(guides.alpha))[..., None] > 0
+        return {}, to_tensor(np.zeros_like(guides.alpha))[..., None] > 0
     position, normal, color = map(to_tensor, arrays)
     is_lit = color.amax(-1, keepdim=True) > 0
     probes = make_probes(position, F.normalize(normal, dim=-1), is_lit)
