@@ -10,6 +10,7 @@ import numpy as np
 from ...clusters import split_clusters
 from .outlines import outline_vectors, padded, rings
 
+NO_SHELL = np.zeros(3, np.float32)  # as an outward normal
 FACING, COLOR, BEAM = 0.3, 0.1, 0.3  # how much differences in these count beside a distance of the scene's radius
 
 
@@ -24,6 +25,7 @@ class Emitters:
     beam_axis: np.ndarray    # (P + S, 3) f32
     beam_cosine: np.ndarray  # (P + S, 2) f32
     kind: np.ndarray         # (P + S,) i32, the same for light that goes to the same surfaces
+    outward: np.ndarray      # (P, 3) f32, unit normals of the outside of shells, which hide what the inside sends there
 
     def __len__(self) -> int:
         return len(self.radiance)
@@ -35,9 +37,9 @@ class Emitters:
 
     @classmethod
     def of(cls, polygons: list[tuple], spheres: list[tuple]) -> Emitters:
-        """polygons: (corners (K, 3), light), spheres: (center, radius, light).
+        """polygons: (corners (K, 3), outward, light), spheres: (center, radius, light).
 
-        light: (9,) radiance, axis, cosines, kind.
+        light: (9,) radiance, axis, cosines, kind; outward: (3,), 0 of what is no shell.
         """
         light = np.array([p[-1] for p in polygons] + [s[-1] for s in spheres], np.float32).reshape(-1, 9)
         return cls(
@@ -45,7 +47,8 @@ class Emitters:
             centers=np.array([s[0] for s in spheres], np.float32).reshape(-1, 3),
             radii=np.array([s[1] for s in spheres], np.float32),
             radiance=light[:, :3], beam_axis=light[:, 3:6], beam_cosine=light[:, 6:8],
-            kind=light[:, 8].astype(np.int32))
+            kind=light[:, 8].astype(np.int32),
+            outward=np.array([p[1] for p in polygons], np.float32).reshape(-1, 3))
 
 
 def merged(emitters: Emitters, most: int, center: np.ndarray, radius: float) -> Emitters:
@@ -93,13 +96,14 @@ def _features(emitters: Emitters, vectors: np.ndarray, center: np.ndarray, radiu
 
 def _one_polygon(emitters: Emitters, vectors: np.ndarray, rows: np.ndarray, power: np.ndarray) -> tuple:
     if len(rows) == 1:
-        return emitters.corners[rows[0]], _light(emitters, rows, power, emitters.radiance[rows[0]])
+        row = rows[0]
+        return emitters.corners[row], emitters.outward[row], _light(emitters, rows, power, emitters.radiance[row])
     _, axes = np.linalg.eigh(vectors.T @ vectors)
     vectors = vectors * np.where(vectors @ axes[:, -1] < 0, -1, 1)[:, None]  # of two opposite sides neither is lost
     total = vectors.sum(axis=0)
     share = vectors @ total / max(total @ total, 1e-300)
     center = np.average(emitters.middles[rows], axis=0, weights=power)
-    return triangle(total, center), _light(emitters, rows, power, share @ emitters.radiance[rows])
+    return triangle(total, center), NO_SHELL, _light(emitters, rows, power, share @ emitters.radiance[rows])
 
 
 def _one_sphere(emitters: Emitters, rows: np.ndarray, power: np.ndarray) -> tuple:

@@ -19,7 +19,7 @@ from torch.nn import functional as F
 from ...fields import COLOR, DIRECTION, Channels
 from ...scene import RenderScene
 from ...scene_rays import scene_rays
-from ...surface_kinds import OCCLUDING, SHADING, Ray
+from ...surface_kinds import OCCLUDING, SHADING, Kind, Ray
 from ..cutouts import Cutouts
 from ..fresnel import gain
 from ..media.transmittance import Fog
@@ -71,6 +71,10 @@ class EmitterLight:
             to_tensor, (emitters.radiance, emitters.beam_axis, emitters.beam_cosine))
         self.fog, self._cutouts = fog, cutouts
         self._fan = to_tensor(fans(emitters.corners))
+        self._outward = F.pad(to_tensor(emitters.outward), (0, 0, 0, len(emitters.radii)))
+        self._shells = None
+        if emitters.outward.any():
+            self._shells = TensorRays(scene_rays(scene).among(Kind.EMITTER, Ray.SHADOW))
         self._limits = Limits(*(values[emitters.kind] for values in Limits.of(scene)[0]))
         self._occluders, self._occluder = _occluders(scene, self._limits, device)
         self._divide()
@@ -148,7 +152,12 @@ class EmitterLight:
         ray = self._points_on(emitter, direction[:, point, emitter].T, start[point]) - origin * is_near
         length = ray.norm(dim=-1)
         ray, end = ray / length.clamp_min(1e-9)[:, None], length - END_GAP
-        arrives = 1.0 * ~self._is_blocked(emitter, origin, ray, end)[:, None]
+        is_blocked = self._is_blocked(emitter, origin, ray, end)
+        if self._shells is not None:
+            inside = (~is_blocked & ((self._outward[emitter] * ray).sum(-1) > 0)).nonzero()[:, 0]
+            is_blocked[inside] = self._shells.is_blocked(
+                *(rays[inside] for rays in (origin, ray, length - self.reach[emitter])))
+        arrives = 1.0 * ~is_blocked[:, None]
         if self._cutouts is not None:
             arrives = arrives * self._cutouts.transmittance(origin, ray, end * arrives[:, 0])
         visible = arrives.new_zeros(*is_lit.shape, arrives.shape[1]).index_put((point, emitter), arrives)

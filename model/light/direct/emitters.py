@@ -6,15 +6,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...geometry import area_vectors, surfaces
+from ...clusters import split_clusters
+from ...geometry import area_vectors, surfaces, unit
 from ...scene import RenderScene
-from .emitter_clusters import Emitters, merged, triangle
+from .emitter_clusters import NO_SHELL, Emitters, merged, triangle
 from .outlines import convex_outline
 
 DISTANT = 15.0      # network units; an open surface beyond is a sun, which looks alike from everywhere
 MAX_EMITTERS = 96   # of a scene, as many as eight disk lamps: time and memory of direct light grow with them
 MAX_POLYGONS = 16   # triangles of one connected emitter that are kept one by one
-MAX_LUMPS = 8       # what a larger one is merged into
+MAX_LUMPS = 16      # what a larger one is merged into
+MAX_PARTS = 8       # that a closed one is divided into which is neither round nor straight
+CURVED = 0.3        # cosine between a lump's normal and its direction from the middle from which on it is of a shell
+STRAIGHT = 1.5      # distance of corners from the axis in radii of a rod up to which it is straight
+ROUND = 1.6         # distance of its farthest corner in radii of the sphere of its area up to which it is round
 CLOSED = 0.3        # |vector area| / area below which a surface radiates like a sphere
 FLAT = 1.5          # silhouette over that of a sphere of equal area from which on it radiates like a sheet; 2 at most
 
@@ -67,12 +72,16 @@ def _gathered(corners: np.ndarray, light: np.ndarray) -> Emitters:
             middle, area = shape.mean(axis=(0, 1)), np.linalg.norm(vectors.sum(axis=0)) / np.pi
             spheres.append((middle, np.sqrt(area / (1 + area / (middle @ middle))), own))  # of the same solid angle
         elif not _is_closed(vectors):
-            polygons += [(piece, own) for piece in _pieces(shape)]
-        elif (sheet := _sheet(shape, vectors.astype(np.float64))) is None:
-            spheres.append((*_sphere(shape, vectors), own))
-        else:
+            polygons += [(*piece, own) for piece in _pieces(shape)]
+        elif (sheet := _sheet(shape, vectors.astype(np.float64))) is not None:
             front, gain = sheet
-            polygons += [(piece, own * ([gain] * 3 + [1] * 6)) for piece in _pieces(front)]
+            polygons += [(*piece, own * ([gain] * 3 + [1] * 6)) for piece in _pieces(front)]
+        else:
+            for rows in _round_or_straight(shape, vectors):
+                if _is_round(shape[rows], vectors[rows]):
+                    spheres.append((*_sphere(shape[rows], vectors[rows]), own))
+                else:
+                    polygons += [(rectangle, NO_SHELL, own) for rectangle in _rod(shape[rows], vectors[rows])]
     return Emitters.of(polygons, spheres)
 
 
@@ -106,22 +115,66 @@ def _components(corners: np.ndarray, kinds: np.ndarray) -> list[np.ndarray]:
     return np.split(order, np.flatnonzero(np.diff(group[order])) + 1) if len(group) else []
 
 
-def _pieces(shape: np.ndarray) -> list[np.ndarray]:
-    """Corners of the polygons (K, 3) of an open surface (n, 3, 3): one if it is flat, else its triangles or lumps."""
+def _pieces(shape: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Polygons (K, 3) of an open surface (n, 3, 3): one if it is flat, else its triangles or lumps. And as of
+    Emitters.outward."""
     outline = convex_outline(shape)
     if outline is not None:
-        return [outline]
+        return [(outline, NO_SHELL)]
     if len(shape) <= MAX_POLYGONS:
-        return list(shape)
-    centroids = shape.mean(axis=1)
-    order = np.argsort(centroids[:, np.ptp(centroids, axis=0).argmax()])
-    return [_lump(shape[rows]) for rows in np.array_split(order, MAX_LUMPS)]
+        return [(corners, NO_SHELL) for corners in shape]
+    vectors, places = area_vectors(shape.astype(np.float64)), shape.mean(axis=1)
+    known = np.concatenate([places / places.std(axis=0).max().clip(1e-20), unit(vectors)], axis=1)
+    areas = np.linalg.norm(vectors, axis=1)
+    middle = np.average(places, axis=0, weights=areas)
+    lumps = []
+    for rows in _parts(known, vectors, MAX_LUMPS):
+        vector, center = vectors[rows].sum(axis=0), np.average(places[rows], axis=0, weights=areas[rows] + 1e-20)
+        normal, away = unit(vector), unit(center - middle)
+        along = normal @ away
+        lumps.append((triangle(vector, center), np.sign(along) * normal if abs(along) > CURVED else NO_SHELL))
+    return lumps
 
 
-def _lump(shape: np.ndarray) -> np.ndarray:
-    vectors = area_vectors(shape)
-    center = np.average(shape.mean(axis=1), axis=0, weights=np.linalg.norm(vectors, axis=1) + 1e-20)
-    return triangle(vectors.sum(axis=0), center)
+def _round_or_straight(shape: np.ndarray, vectors: np.ndarray) -> list[np.ndarray]:
+    """Rows of a closed surface (n, 3, 3): all of it if it is like a sphere or a rod, else those of its parts."""
+    if _is_round(shape, vectors) or _is_straight(shape, vectors):
+        return [np.arange(len(shape))]
+    return _parts(shape.mean(axis=1), vectors, MAX_PARTS)
+
+
+def _is_round(shape: np.ndarray, vectors: np.ndarray) -> bool:
+    middle, radius = _sphere(shape, vectors)
+    return np.linalg.norm(shape - middle, axis=-1).max() < ROUND * radius
+
+
+def _is_straight(shape: np.ndarray, vectors: np.ndarray) -> bool:
+    points, axes, radius = _along_axes(shape, vectors)
+    return np.linalg.norm(points @ axes[:, 1:], axis=-1).max() < STRAIGHT * radius
+
+
+def _rod(shape: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """(3, 4, 3) rectangles through the axis of a long surface, as wide together as its silhouette is in the mean."""
+    points, axes, radius = _along_axes(shape, vectors)
+    along = points @ axes[:, 0]
+    turns = np.pi / 3 * np.arange(3)
+    sides = np.pi / 6 * radius * np.stack([np.cos(turns), np.sin(turns)], axis=1) @ axes[:, 1:].T
+    low, high = _sphere(shape, vectors)[0] + np.outer((along.min(), along.max()), axes[:, 0])
+    return np.stack([low - sides, low + sides, high + sides, high - sides], axis=1)
+
+
+def _along_axes(shape: np.ndarray, vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """(3 n, 3) corners from the middle, (3, 3) principal axes in columns, the longest first, and the radius of a
+    cylinder of the same length and area."""
+    middle, of_sphere = _sphere(shape, vectors)
+    points = shape.reshape(-1, 3).astype(np.float64) - middle
+    axes = np.linalg.eigh(points.T @ points)[1][:, ::-1]
+    return points, axes, 2 * of_sphere ** 2 / max(np.ptp(points @ axes[:, 0]), 1e-20)
+
+
+def _parts(points: np.ndarray, vectors: np.ndarray, most: int) -> list[np.ndarray]:
+    """Rows of at most so many parts of a surface with area vectors (n, 3), alike in points (n, K)."""
+    return split_clusters(points, np.linalg.norm(vectors, axis=1), [np.arange(len(points))], most)
 
 
 def _sphere(shape: np.ndarray, vectors: np.ndarray) -> tuple[np.ndarray, float]:

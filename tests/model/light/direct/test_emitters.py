@@ -59,6 +59,22 @@ def box(size, center) -> np.ndarray:
     return np.float32(np.array(triangles) * np.array(size) / 2 + center)
 
 
+def swept(points, radius, sides=12) -> np.ndarray:
+    """(n, 3, 3) triangles of an open tube of a radius around points (K, 3) or of radii (K,), facing outwards."""
+    points, radius = np.asarray(points, float), np.broadcast_to(radius, len(points))
+    along = np.gradient(points, axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    first = np.cross(along, np.eye(3)[np.abs(along).max(axis=0).argmin()])
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second, turn = np.cross(along, first), 2 * np.pi * np.arange(sides + 1)[:, None, None] / sides
+    rings = points + radius[:, None] * (np.cos(turn) * first + np.sin(turn) * second)
+    triangles = []
+    for i, j in product(range(sides), range(len(points) - 1)):
+        a, b, c, d = rings[i, j], rings[i + 1, j], rings[i + 1, j + 1], rings[i, j + 1]
+        triangles += [(a, b, c), (a, c, d)]
+    return np.float32(triangles)
+
+
 def irradiance(corners, radiance, x, n) -> np.ndarray:
     """(3,) from the front of small triangles."""
     vectors, to = area_vectors(corners.astype(np.float64)), corners.mean(axis=1) - x
@@ -119,6 +135,32 @@ def test_many_lamps_become_few_that_keep_place_colour_and_beam():
     np.testing.assert_allclose(4 * np.pi * emitters.radii ** 2 @ emitters.radiance, exact, rtol=1e-4)
     light = diffuse(scene, np.array((-1.0, 0, 0)))
     assert light[0] > 0 and light[2] == 0  # the blue ones point up
+
+
+def test_a_ring_does_not_shine_from_its_middle():
+    turn = 2 * np.pi * np.arange(49)[:, None] / 48
+    corners = swept(np.concatenate([np.cos(turn), np.sin(turn), 1 + 0 * turn], 1), 0.06)
+    scene = lit_by(corners, (1.0, 2.0, 3.0))
+    for x in ((0, 0, 0), (0, 0, 0.9), (1.0, 0, 0.4), (1.5, 0.5, 0)):
+        np.testing.assert_allclose(diffuse(scene, np.array(x)), irradiance(corners, (1.0, 2.0, 3.0), x, UP), rtol=0.1)
+
+
+def test_a_tube_lights_evenly_along_its_length():
+    corners = swept(np.linspace((-2, 0, 0.3), (2, 0, 0.3), 41), 0.03)
+    scene = lit_by(corners, (1.0, 1.0, 1.0))
+    assert len(gather_emitters(scene)) == 3
+    for x in ((0, 0, 0), (0.2, 0, 0), (0.5, 0.3, 0), (1.9, 0.1, 0)):
+        np.testing.assert_allclose(diffuse(scene, np.array(x)), irradiance(corners, 1.0, x, UP), rtol=0.12)
+
+
+def test_a_lampshade_hides_its_inside_from_those_outside():
+    corners = swept([(0, 0, 0.8), (0, 0, 1.1), (0, 0, 1.4)], (0.6, 0.45, 0.3), 32)
+    direct = DirectLight(lit_by(corners, (1.0, 1.0, 1.0)))
+    x, n = torch.tensor([[2.0, 0.0, 1.1]]), torch.tensor([[-1.0, 0.0, 0.0]])
+    x, n = x.expand(64, 3), n.expand(64, 3)
+    start = torch.rand(64, 2, generator=torch.Generator().manual_seed(0))
+    light = np.pi * direct.diffuse(x, n, direct.visibility(x, n, start)).numpy()
+    np.testing.assert_allclose(light.mean(0), irradiance(corners, 1.0, x[0].numpy(), n[0].numpy()), rtol=0.12)
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.7])
