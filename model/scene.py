@@ -228,6 +228,8 @@ class RenderScene:
         *ENVIRONMENT_SHAPE, behaves={COLOR: -1, RADIANCE: -1, PANORAMA: 1}, default="none")
     volumes: Volumes | None = None
     fire: Fire | None = None  # the network is not told of it
+    # Radiance of surfaces that are no lights, because they reflect more than that; None = 0. The network is not told
+    glow: np.ndarray | None = array("N", 3, behaves={COLOR: -1, RADIANCE: -1}, default="none")
     seen: np.ndarray | None = array("N", dtype=bool, default="none")  # by cameras, lamps are not; None = all
     # Rays that do not meet a triangle, a set of surface_kinds.Ray, of cameras too; None = all meet all
     hidden: np.ndarray | None = array("N", dtype=np.uint8, default="none")
@@ -292,6 +294,11 @@ class RenderScene:
     def is_light(self) -> np.ndarray:
         """(N,) bool."""
         return (self.emission > 0).any(axis=1)
+
+    @property
+    def radiance(self) -> np.ndarray:
+        """(N, 3) f32 of lights and of surfaces that glow."""
+        return self.emission if self.glow is None else self.emission + self.glow
 
     @property
     def light_groups(self) -> np.ndarray:
@@ -367,7 +374,8 @@ class RenderScene:
     def appended(self, *others: RenderScene) -> RenderScene:
         """This scene with the triangles (and the tiles they use) of `others` behind its own."""
         scenes, tiles, count, geometries = [], 0, 0, []
-        optional = ("latents", "two_lobes", "translucent", "hidden", "camera_tile", "back_tile", "light_group", *SELDOM)
+        optional = ("latents", "two_lobes", "translucent", "hidden", "camera_tile", "back_tile", "light_group", "glow",
+                    *SELDOM)
         absent = [name for name in optional
                   if all(getattr(scene, name) is None for scene in (self, *others))]
         for scene in (self, *others):
@@ -377,8 +385,9 @@ class RenderScene:
                                   back_tile=scene.tile_behind + np.int32(tiles), hidden=scene.hidden_from,
                                   shadow_tile=np.where(shadow_tile < 0, shadow_tile, shadow_tile + np.int32(tiles)),
                                   **{name: scene.seldom(name) for name in SELDOM if name != "shadow_tile"},
-                                  light_group=scene.light_groups, latents=scene.tile_latents,
-                                  two_lobes=scene.tile_lobes, translucent=scene.tile_translucence))
+                                  light_group=scene.light_groups, glow=scene.radiance - scene.emission,
+                                  latents=scene.tile_latents, two_lobes=scene.tile_lobes,
+                                  translucent=scene.tile_translucence))
             surfaces = scene.surfaces
             geometries.append(replace(surfaces, token=surfaces.token + np.int32(count)))
             tiles, count = tiles + len(scene.tiles), count + len(scene)

@@ -107,7 +107,7 @@ class AccumulatedGuides:
                 is_open[self._evaluate(colors, at, rays, triangle[at], weights[at])] = False
         at = np.flatnonzero(is_open)
         token, on_token = self._tokens(at, triangle[at], weights[at])
-        colors[:3, at], colors[3, at] = lobe_colors(self._scene, token, on_token), self._scene.emission[token]
+        colors[:3, at], colors[3, at] = lobe_colors(self._scene, token, on_token), self._scene.radiance[token]
         if self._first is None:
             self._first = colors, material_id
         return colors

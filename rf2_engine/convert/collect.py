@@ -15,7 +15,7 @@ from .data.report import Report
 from .media.volumes import MeshVolume, gridded
 from .meshes.displace import displace
 from .shading import volume as shading
-from .shading.material import MaterialTiles
+from .shading.material import EMITTER_RADIANCE, MaterialTiles
 
 PROBES = 16  # triangles that tell whether a material emits
 UNIT_SQUARE = np.array([[(0, 0), (1, 0), (0, 1)], [(1, 1), (0, 1), (1, 0)]], np.float32)  # UV of two triangles
@@ -120,7 +120,7 @@ class _Collection:
         ones = {name: np.ones_like(layer) for name, layer in some.attributes.items()}
         some = replace(some, uv=dict.fromkeys(mesh.uv, square), attributes=ones)
         tiles, emission = probe.triangle_tiles(material, some, instance)
-        appearance = bool(emission.any()), len(np.unique(tiles)) > 1
+        appearance = bool((emission >= EMITTER_RADIANCE).any()), len(np.unique(tiles)) > 1
         if probe.sharing(material, instance) is None:
             self._probed[own] = appearance
             if len(tiles) and not appearance[1]:

@@ -28,6 +28,7 @@ from .lamps.world import WorldLight, convert_world_light
 from .media import medium
 from .media.fire import fire_of
 from .media.fog import add_fog
+from .shading.glow import with_glow
 from .shading.hit_materials import HitMaterials
 from .shading.material import MaterialTiles
 from .shading.surfaces import assemble_surfaces
@@ -77,6 +78,7 @@ def compute(copied: CopiedScene, view: View | None, options: ConversionOptions, 
     if copied.world_light_group:
         scene.environment_group = np.array([copied.world_light_group], np.int32)
     scene.exposure = np.ones(1, np.float32) if options.as_is else None
+    scene = scene if options.as_is else with_glow(scene)
     scene.validate()
     if hit_materials is not None:
         hit_materials.geometry = scene.surfaces

@@ -48,6 +48,7 @@ class Patches:
     back_albedo: Tensor  # (S, 9) f32, the same of their backs
     back_layer: Tensor   # (S, 2) f32
     translucent: Tensor  # (S, 1) f32, share of the diffuse light that goes to the other side
+    glow: Tensor     # (S, 3) f32, radiance of their own
     patch: Tensor    # (T,) i64, row of the patch that a triangle belongs to
     corners: Tensor  # (T, 3, 3) f32
     normals: Tensor  # (T, 3, 3) f32, shading normals at the corners
@@ -109,7 +110,7 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
     material = np.concatenate([tile_albedo(means), _layer(means)], axis=1)
     material = np.concatenate([material[scene.tile_index], material[scene.tile_behind],
-                               scene.tile_translucence[scene.tile_index][:, None]], axis=1)
+                               scene.tile_translucence[scene.tile_index][:, None], scene.radiance], axis=1)
     element, largest = group_elements(corners, token, patch_density(scene.triangles.mean(axis=1), emitters))
     vector = _sums(area_vectors(corners), element)
     center, token = corners[largest].mean(axis=1), token[largest]
@@ -122,7 +123,7 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     group_of_patch = np.zeros(len(center), np.uint8)
     group_of_patch[patch.numpy()] = group
     weight = vector.norm(dim=-1) * torch.from_numpy(patch_density(center.numpy(), emitters)).float()
-    return Patches(center, vector, *material.split([9, 2, 9, 2, 1], 1), patch[torch.from_numpy(element)],
+    return Patches(center, vector, *material.split([9, 2, 9, 2, 1, 3], 1), patch[torch.from_numpy(element)],
                    torch.from_numpy(corners), torch.from_numpy(subdivision.interpolated(scene.surfaces.normals)),
                    torch.from_numpy(solid), group_of_patch, weight, subdivision.locator())
 

@@ -51,7 +51,8 @@ class DiffuseLight(NamedTuple):
     """Light that white diffuse surfaces send on at P points."""
 
     indirect: Tensor             # (P, 3) radiance
-    fire: Tensor | None          # (P, 3) the same of fire, which traced light contains; None without fire
+    # (P, 3) the same of fire and of surfaces that glow, which traced light contains; None without either
+    fire: Tensor | None
     sky: Tensor | None           # (P, 3) visibility of the sky
 
 
@@ -100,7 +101,9 @@ class Radiosity:
             white, slanting = (light.view(-1, count, 3) for light in (white, slanting))
             glossy_firsts[most] = STEEP * metal[:, None] * white + layer[:, None] * slanting
             firsts[most] = diffuse[:, None] * lit(white) + glossy_firsts[most]
-        self.gather_scene.aim(importance_by_power(sum(firsts.values()).mean(1), size))
+        self.glow = patches.glow.repeat(2, 1).to(direct.device) if patches.glow.any() else None
+        shining = sum(firsts.values()).mean(1)
+        self.gather_scene.aim(importance_by_power(shining if self.glow is None else shining + self.glow, size))
         if (metal + layer).any():
             self.gather_scene.spread(_lobes(lights, metal, layer, of_layer, normals.view(-1, count, 3)))
         with part(0.6, 1.0):
@@ -111,6 +114,7 @@ class Radiosity:
             weight = self.gather_scene.reliability(gathered, count)
             fire = None if gathered.fire is None else (weight[..., None] * gathered.fire.view(-1, count, 3)).mean(1)
             gathered = gathered.merged(weight)
+            fire = self._with_glow(fire, gathered)
         glossy = metal + layer
         through = (diffuse + glossy) * lit(gathered.through + caustic_light)
         # (sides, 3) radiance that leaves all sides of patches, and what of it has bounced diffusely, or through glass
@@ -178,7 +182,14 @@ class Radiosity:
         if not self._most.diffusely:
             light = torch.zeros_like(light)
         sky = gathered.sky_visibility(self.gather_scene.environments[Ray.DIFFUSE]) if with_sky else None
-        return DiffuseLight(light, gathered.fire, sky)
+        return DiffuseLight(light, self._with_glow(gathered.fire, gathered), sky)
+
+    def _with_glow(self, light: Tensor | None, gathered: Gathered, weight: Tensor | None = None) -> Tensor | None:
+        """(P, 3) `light` and that of surfaces which glow; None if there is neither."""
+        if self.glow is None:
+            return light
+        glow = gathered.radiance(self.glow, weight)
+        return glow if light is None else light + glow
 
     def behind(self, position: Tensor, normal: Tensor, number: Tensor, effort: Effort = FULL) -> dict[str, Tensor]:
         """(P, 3) as of `diffuse`: "all" light, and what of it has "bounced" before, which traced light has not."""
@@ -186,7 +197,7 @@ class Radiosity:
         gathered = self.gather_scene.gather(position, normal, cosine_directions(normal, effort.of_probe(RAYS), start),
                                             effort.of_probe(AIMED), start)
         other = gathered.through + self.caustics.radiance(position, normal)
-        return {"all": gathered.with_lobes(self.leaving, self._of_lobes) + other,
+        return {"all": self._with_glow(gathered.with_lobes(self.leaving, self._of_lobes) + other, gathered),
                 "bounced": gathered.radiance(self.bounced_before) + other}
 
     def glossy(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor, f0: Tensor,
@@ -207,6 +218,7 @@ class Radiosity:
         if not self._most.glossily:
             weight = torch.zeros_like(weight)
         complete = gathered.with_lobes(self.leaving, self._of_lobes, weight) + gathered.sky_behind_glass(weight)
+        complete = self._with_glow(complete, gathered, weight)
         bounced = missed = None
         if traced:
             diffuse = diffuse_ratio[:, None] * (direction @ normal[..., None])[..., 0].clamp_min(0) / math.pi

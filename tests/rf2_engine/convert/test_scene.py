@@ -126,3 +126,17 @@ def test_a_working_space_other_than_rec709_is_reported(converted, report):
         bpy.ops.wm.set_working_color_space(working_space="ACEScg")
         converted()
         assert told()
+
+
+def test_surfaces_that_shine_faintly_beside_a_lamp_only_glow_and_reflect_as_others(converted, add_mesh, add_material):
+    material = add_material("wall", color=(0.8, 0.1, 0.1), emission=0.1)
+    add_mesh("wall", materials=[material])
+    bpy.context.scene.world = None
+    assert converted().is_light.all()  # there is no other light
+    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "POINT"))
+    bpy.context.scene.collection.objects.link(lamp)
+    scene = converted()
+    np.testing.assert_allclose(scene.glow[:, 0], np.where(scene.is_light, 0, 0.1), rtol=1e-3)
+    assert scene.tiles[scene.tile_index[~scene.is_light]][0, 0].mean() == pytest.approx(0.8, abs=1e-3)
+    material.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = 5
+    assert converted().is_light.all()

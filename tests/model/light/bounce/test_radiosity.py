@@ -247,6 +247,16 @@ def glossy(bounce: Radiosity, at, outgoing, roughness: float, diffuse_ratio: flo
     return bounce.glossy(torch.tensor([at]), UP, outgoing, *gloss, torch.tensor([0]), **options)
 
 
+def test_walls_that_glow_light_each_other_by_the_series_of_bounces():
+    scene = closed_box((0.5, 0.5, 0.5))
+    walls = ~scene.is_light[:, None] * np.float32((1, 1, 1))
+    scene = replace(scene, emission=1e-6 * scene.emission, glow=0.2 * walls)
+    points = torch.tensor([[0.3, -0.2, -1.0], [-0.5, 0.6, -1.0]])
+    light = built(scene).diffuse(points, UP.expand(2, 3))
+    torch.testing.assert_close(light.fire, torch.full((2, 3), 0.2), rtol=0.05, atol=0)
+    torch.testing.assert_close(light.indirect, torch.full((2, 3), 0.2 * 0.5 / (1 - 0.5)), rtol=0.15, atol=0)
+
+
 def test_a_glossy_surface_shows_more_of_a_bright_wall_from_where_it_is_mirrored():
     bounce = built(walls((0.8, 0.8, 0.8)))
     towards, away = (torch.nn.functional.normalize(torch.tensor([[x, 0.0, 0.5]]), dim=-1) for x in (1.0, -1.0))
