@@ -86,6 +86,10 @@ class CameraModel(NamedTuple):
     catchers: Catchers = Catchers.SHOWN
     move_cameras: Callable[[Callable], None] | None = None  # called with the function of run.overrides
 
+    @property
+    def is_blurred(self) -> bool:
+        return self.depth_of_field or self.motion_blur
+
 
 PINHOLE = CameraModel()
 
@@ -169,12 +173,23 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
         share = rendered.get(pass_table.SAMPLE_COUNT.key)
         rendered["samples"] = np.zeros_like(rendered["alpha"]) + sampling.counts(share)
         if light is Light.TRACED:
-            rendered["traced"] = (combined[..., :3] - rendered["emission"]).clip(0)
+            seen = ["emission", "environment"] if model.opaque_film else ["emission"]
+            if model.is_blurred:
+                _denoise_seen(rendered, seen)
+            rendered["traced"] = (combined[..., :3] - sum(rendered[name] for name in seen)).clip(0)
         if pass_table.NOISY.key in rendered:
             rendered["noise"] = rendered.pop(pass_table.NOISY.key)[..., :3] - combined[..., :3]
         if light is not Light.ALL and model.catchers is not Catchers.CATCH:
             del rendered["combined"]
     return views
+
+
+def _denoise_seen(rendered: Passes, seen: list[str]) -> None:
+    """Dim what is seen directly, which has the noise of a blur, to what the denoised picture leaves for it."""
+    total = sum(rendered[name] for name in seen)
+    share = np.where(total > 0, rendered["combined"][..., :3].clip(0) / np.where(total > 0, total, 1), 1).clip(max=1)
+    for name in seen:
+        rendered[name] = rendered[name] * share
 
 
 def _tile_size(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, light: Light, threads: int) -> int:

@@ -70,7 +70,7 @@ def render_first_hits(layer: Layer, scene: RenderScene, views: dict[str, View],
     optics, settings = layer.optics, layer.settings
     opacity, shadows, hits = _render_opacity(layer, views), _render_shadows(layer, views), {}
     with layer.plan.enter(FIRST_HITS):
-        rendered = _run_session(layer, scene, optics.camera_model(), optics.rays_of_picture(settings.sampling), views)
+        rendered = _run_session(layer, scene, _film(layer), optics.rays_of_picture(settings.sampling), views)
         for name, view_passes in rendered.items():
             passes[name] |= output.first_hit_passes(view_passes, settings.exposure)
             passes[name] |= _shadow_catcher_pass(shadows[name], view_passes)
@@ -129,6 +129,13 @@ def _make_guides(layer: Layer, passes: Passes, scene: RenderScene, view: View) -
         return guides
     with progress.part(0.5, 1.0):
         return add_path_ends(guides, scene, view)
+
+
+def _film(layer: Layer) -> CameraModel:
+    """The camera of the picture. What a blurred film shows of the world is denoised with all else if it is opaque."""
+    optics, model = layer.optics, layer.optics.camera_model()
+    cuts_holes = layer.settings.film_transparent or optics.holdouts or optics.shadow_catchers
+    return model._replace(opaque_film=model.is_blurred and not cuts_holes)
 
 
 def _outside(view: View) -> np.ndarray | None:
