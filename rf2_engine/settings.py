@@ -177,7 +177,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
                     "above 16 samples, where Light is With Cycles",
     )
     adaptive_min_samples: IntProperty(
-        name="Min Samples", default=8, min=0, soft_max=128, max=1024,
+        name="Min Samples", default=24, min=0, soft_max=128, max=1024,
         description="Noise is not looked at before pixels have more samples than this, so that small lights and fine "
                     "details are found. 0 lets Cycles choose by Noise Threshold, without which this does not act",
     )

@@ -23,7 +23,7 @@ from ....model.scene import (
 from ....model.surface_kinds import Ray
 from ..data.blocks import Material
 from ..data.copied import Instance
-from ..data.mesh import TriangleMesh, face_normals
+from ..data.mesh import TriangleMesh, areas, face_normals
 from ..data.report import Report
 from . import graph
 from .closure import Closure, SurfaceParameters, lobe, parameters
@@ -40,7 +40,7 @@ SCALE_DIGITS = 3             # squares of sizes that differ by less are the same
 CHUNK = 256                  # triangles evaluated at once
 BAKED_CHUNK = 1024           # and where some may be baked, for which Cycles reads the whole scene each time
 EMITTER_RADIANCE = 1.0       # from here on the own light of a surface outshines what it reflects
-DARK_FRACTION = 0.01         # triangles this much darker than the brightest one of an emission texture do not shine
+DARK_FRACTION = 0.01         # of an emission texture: darker triangles do not shine if all are as small a share of it
 CLEAR = 0.95                 # a triangle that lets more light straight through than this is left out
 ONE_TRIANGLE = TriangleMesh(np.eye(3, dtype=np.float32)[None], np.full((1, 3, 3), 3 ** -0.5, np.float32), {}, None, {},
                             None, np.zeros(1, np.int32), np.float32([(0, 0, 0), (1, 1, 1)]))
@@ -136,7 +136,7 @@ class MaterialTiles:
             else:
                 index[part] = np.arange(self._count, self._count + len(tiles))
                 self._append(tiles, material.latent, own, translucent)
-        emission[emission.max(axis=1) < DARK_FRACTION * emission.max()] = 0
+        emission[_is_negligible(emission.max(axis=1), areas(mesh.corners))] = 0
         emitters = emission.max(axis=1) >= EMITTER_RADIANCE
         if emitters.any():
             index[emitters] = self.constant_index(EMITTER_TILE)
@@ -268,6 +268,14 @@ def _normal_scale(n: NodeCall) -> np.ndarray:
         return scale[:1].astype(np.float32)
     normals = face_normals(n.points.corners)
     return np.linalg.norm(normals @ linear.T, axis=1).astype(np.float32)[:, None, None, None]
+
+
+def _is_negligible(radiance: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """(n,) bool: the triangles with the least radiance (n,), as many as are dark and give hardly any of the light."""
+    power, order = radiance * area, np.argsort(radiance, kind="stable")
+    share = np.empty_like(power)
+    share[order] = np.cumsum(power[order])
+    return (radiance < DARK_FRACTION * radiance.max(initial=0)) & (share <= DARK_FRACTION * power.sum())
 
 
 def is_homogeneous(surface: SurfaceParameters) -> bool:

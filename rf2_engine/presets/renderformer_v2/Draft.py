@@ -8,5 +8,5 @@ settings.light = "TRACED"
 settings.guide_samples = 2
 settings.use_adaptive_sampling = True
 settings.adaptive_threshold = 0.02
-settings.adaptive_min_samples = 8
+settings.adaptive_min_samples = 24
 settings.precision = "auto"
