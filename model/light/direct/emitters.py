@@ -16,6 +16,8 @@ DISTANT = 15.0      # network units; an open surface beyond is a sun, which look
 MAX_EMITTERS = 96   # of a scene, as many as eight disk lamps: time and memory of direct light grow with them
 MAX_POLYGONS = 16   # triangles of one connected emitter that are kept one by one
 MAX_LUMPS = 16      # what a larger one is merged into
+MAX_AROUND = 64     # and one that surrounds what it lights
+INSIDE = 0.5        # share of the scene's radius that is inside such a one at least
 MAX_PARTS = 8       # that a closed one is divided into which is neither round nor straight
 CURVED = 0.3        # cosine between a lump's normal and its direction from the middle from which on it is of a shell
 STRAIGHT = 1.5      # distance of corners from the axis in radii of a rod up to which it is straight
@@ -52,16 +54,19 @@ def gather_emitters(scene: RenderScene) -> Emitters:
     corners = scene.triangles[rows]
     kind = Limits.of(scene)[1][:, None]
     light = np.concatenate([scene.emission[rows], scene.beam_axis[rows], scene.beam_cosine[rows], kind], axis=1)
-    emitters = _gathered(corners, light)
+    center, radius = _bounding_sphere(scene)
+    emitters = _gathered(corners, light, center, radius)
     if len(emitters) > MAX_EMITTERS:
-        center, radius = _bounding_sphere(scene)
-        emitters = _gathered(corners, _evened(corners, light, center))
+        emitters = _gathered(corners, _evened(corners, light, center), center, radius)
         emitters = merged(emitters, MAX_EMITTERS, center, radius)
     return emitters
 
 
-def _gathered(corners: np.ndarray, light: np.ndarray) -> Emitters:
-    """Emitters of (N, 3, 3) triangles; light: (N, 9) radiance, beam axis, cosines, kind."""
+def _gathered(corners: np.ndarray, light: np.ndarray, center: np.ndarray, radius: float) -> Emitters:
+    """Emitters of (N, 3, 3) triangles; light: (N, 9) radiance, beam axis, cosines, kind.
+
+    center (3,), radius: sphere around what they light.
+    """
     polygons, spheres = [], []
     for part in _components(corners, light):
         shape, own = corners[part], light[part[0]]
@@ -73,6 +78,8 @@ def _gathered(corners: np.ndarray, light: np.ndarray) -> Emitters:
             spheres.append((middle, np.sqrt(area / (1 + area / (middle @ middle))), own))  # of the same solid angle
         elif not _is_closed(vectors):
             polygons += [(*piece, own) for piece in _pieces(shape)]
+        elif _surrounds(shape, vectors, center, radius):
+            polygons += [(*piece, own) for piece in _pieces(shape, MAX_AROUND)]
         elif (sheet := _sheet(shape, vectors.astype(np.float64))) is not None:
             front, gain = sheet
             polygons += [(*piece, own * ([gain] * 3 + [1] * 6)) for piece in _pieces(front)]
@@ -115,8 +122,14 @@ def _components(corners: np.ndarray, kinds: np.ndarray) -> list[np.ndarray]:
     return np.split(order, np.flatnonzero(np.diff(group[order])) + 1) if len(group) else []
 
 
-def _pieces(shape: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Polygons (K, 3) of an open surface (n, 3, 3): one if it is flat, else its triangles or lumps. And as of
+def _surrounds(shape: np.ndarray, vectors: np.ndarray, center: np.ndarray, radius: float) -> bool:
+    """Whether a closed surface is around what it lights, as a dome, whose light comes from all sides."""
+    middle, of_sphere = _sphere(shape, vectors)
+    return np.linalg.norm(middle - center) + INSIDE * radius < of_sphere
+
+
+def _pieces(shape: np.ndarray, most: int = MAX_LUMPS) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Polygons (K, 3) of a surface (n, 3, 3): one if it is flat, else its triangles or lumps. And as of
     Emitters.outward."""
     outline = convex_outline(shape)
     if outline is not None:
@@ -128,7 +141,7 @@ def _pieces(shape: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     areas = np.linalg.norm(vectors, axis=1)
     middle = np.average(places, axis=0, weights=areas)
     lumps = []
-    for rows in _parts(known, vectors, MAX_LUMPS):
+    for rows in _parts(known, vectors, most):
         vector, center = vectors[rows].sum(axis=0), np.average(places[rows], axis=0, weights=areas[rows] + 1e-20)
         normal, away = unit(vector), unit(center - middle)
         along = normal @ away

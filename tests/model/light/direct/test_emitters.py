@@ -137,6 +137,12 @@ def test_many_lamps_become_few_that_keep_place_colour_and_beam():
     assert light[0] > 0 and light[2] == 0  # the blue ones point up
 
 
+@pytest.mark.parametrize("x", [(0, 0, 0), (2.0, 1.0, 0), (0, 0, 1.0)])
+def test_a_dome_around_everything_lights_evenly(x):
+    dome = ball((0.3, 0, 0.2), 4.0, 32, 16)
+    np.testing.assert_allclose(diffuse(lit_by(dome, (1.0, 2.0, 3.0)), np.array(x)), np.pi * np.arange(1, 4), rtol=0.06)
+
+
 def test_a_ring_does_not_shine_from_its_middle():
     turn = 2 * np.pi * np.arange(49)[:, None] / 48
     corners = swept(np.concatenate([np.cos(turn), np.sin(turn), 1 + 0 * turn], 1), 0.06)
