@@ -23,6 +23,7 @@ SUN_ANGLE = math.radians(0.5)  # least diameter of a sun
 SUN_DISTANCE = 50             # scene radii
 LEAST_SPREAD = math.radians(0.5)  # of an area lamp, whose size blurs narrower beams anyway
 CELL = 0.35                   # scene radii: target for the side of one cell of an area lamp
+CELLS_OF_TEXTURE = 6  # along a side, at least
 DOWN, NOWHERE = np.array([0.0, 0.0, -1.0]), np.zeros(3)  # where a lamp shines in its frame; of light without a beam
 WIDEST_SHADE = math.radians(80)  # of the black shade around a lamp that shines one way
 FINE, COARSE = Detail(20, 12, 8, 4), Detail(8, 6, 4, 1)
@@ -72,7 +73,8 @@ def _area(lamp: PlacedLamp) -> RenderScene:
     if light.shape in ("DISK", "ELLIPSE"):
         front = back = shapes.disk(*size, lamp.detail.disk_corners)
     else:
-        cells = np.clip(np.ceil(size / (CELL * lamp.scene_radius)), 1, lamp.detail.most_cells).astype(int)
+        fewest = 1 if lamp.light_output.texture is None else CELLS_OF_TEXTURE
+        cells = np.ceil(size / (CELL * lamp.scene_radius)).clip(fewest).clip(max=lamp.detail.most_cells).astype(int)
         front, back = shapes.rectangle(*size, *cells), shapes.rectangle(*size)
     if light.spread < math.pi - 0.01:
         lamp.approximated(f"with a spread of {math.degrees(light.spread):.0f} degrees its estimated light falls off "
