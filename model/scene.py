@@ -256,6 +256,8 @@ class RenderScene:
     other_rays: np.ndarray | None = array("E", dtype=np.uint8, default="none")
     # Most diffuse, glossy, transmission and all bounces of light; None = BOUNCES
     bounces: np.ndarray | None = array(4, dtype=np.int32, default="none")
+    # Whether glossy surfaces, and glass, send light on to matte ones; None = they do
+    caustics: np.ndarray | None = array(2, dtype=np.bool_, default="none")
     # Factor on all radiance for the network; None = by how much light there is
     exposure: np.ndarray | None = array(1, default="none")
     # Nine-number appearance of the published network in place of a tile's parameters; 0 where there is none
@@ -320,6 +322,12 @@ class RenderScene:
         """Of light: "diffuse", "glossy", "transmission" and "all"."""
         return dict(zip(("diffuse", "glossy", "transmission", "all"),
                         BOUNCES if self.bounces is None else self.bounces.tolist(), strict=True))
+
+    @property
+    def has_caustics(self) -> dict[str, bool]:
+        """Whether there are "reflective" and "refractive" ones."""
+        return dict(zip(("reflective", "refractive"), (True, True) if self.caustics is None else self.caustics.tolist(),
+                        strict=True))
 
     @property
     def seen_tile(self) -> np.ndarray:

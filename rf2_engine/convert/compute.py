@@ -75,6 +75,7 @@ def compute(copied: CopiedScene, view: View | None, options: ConversionOptions, 
     if copied.world is not None and copied.world.hidden:
         scene.environment_hidden = np.uint8([copied.world.hidden])
     scene.bounces = None if copied.bounces == BOUNCES else np.int32(copied.bounces)
+    scene.caustics = None if all(copied.caustics) else np.array(copied.caustics)
     if copied.world_light_group:
         scene.environment_group = np.array([copied.world_light_group], np.int32)
     scene.exposure = np.ones(1, np.float32) if options.as_is else None

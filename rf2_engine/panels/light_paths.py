@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render Properties > Light Paths: those of Cycles' settings that act on a picture, which are those of traced light."""
+"""Render Properties > Light Paths: those of Cycles' settings that act on a picture, most of them on traced light."""
 from ..settings import traces_light
 from ..setup.display import draw_text
 from .panel import EnginePanel
@@ -7,6 +7,7 @@ from .panel import EnginePanel
 BOUNCES = {"max_bounces": "Total", "glossy_bounces": "Glossy", "transmission_bounces": "Transmission"}
 NOISE = {"sample_clamp_direct": "Clamp Direct Light", "sample_clamp_indirect": "Clamp Indirect Light",
          "blur_glossy": "Filter Glossy"}
+CAUSTICS = "caustics_reflective", "caustics_refractive"
 
 
 class RENDERFORMER_PT_light_paths(EnginePanel):
@@ -26,5 +27,8 @@ class RENDERFORMER_PT_light_paths(EnginePanel):
         noise.active = is_traced
         for name, label in NOISE.items():
             noise.prop(cycles, name, text=label)
+        caustics = layout.column(align=True)
+        for name in CAUSTICS:
+            caustics.prop(cycles, name)
         if not is_traced:
-            draw_text(layout, "Without Light: With Cycles, only Transparent acts", icon="INFO")
+            draw_text(layout, "Without Light: With Cycles, only Transparent and Caustics act", icon="INFO")

@@ -101,6 +101,9 @@ class GatherScene:
         self.size = patches.vector.norm(dim=-1).clamp_min(1e-20).sqrt().repeat(2).to(device)  # of fronts, then of backs
         # The row behind all patches stands for "nothing", and for emitters, whose light is no indirect one.
         self.patch = F.pad(patches.patch, (0, 1), value=self.count).to(device)
+        self._refracts = scene.has_caustics["refractive"]
+        seen = patches.patch if self._refracts else patches.patch.where(patches.solid, self.count)
+        self._seen = F.pad(seen, (0, 1), value=self.count).to(device)  # the same, nothing for glass that is not seen
         self.bright = self.lobes = None
         self.corners, self._is_solid = patches.corners.to(device), patches.solid.to(device)
         self._locator = patches.locator.to(device)
@@ -111,8 +114,9 @@ class GatherScene:
         self._fire = None if scene.fire is None else direct.in_scattering.fire()
         self.panes = None
         with part(0.0, 0.5):
-            self.surfaces = {ray: TensorRays(rays.among(SOLID | Kind.EMITTER, ray))
-                             for ray in (Ray.DIFFUSE, Ray.GLOSSY)}
+            stopping = {Ray.DIFFUSE: SOLID | Kind.EMITTER | (Kind(0) if self._refracts else BENDING),
+                        Ray.GLOSSY: SOLID | Kind.EMITTER}
+            self.surfaces = {ray: TensorRays(rays.among(kinds, ray)) for ray, kinds in stopping.items()}
         if len(rays.rows(BENDING, Ray.DIFFUSE)):
             with part(0.5, 1.0):
                 self.panes = Panes(scene, direct.sky_seen_by(Ray.TRANSMISSION), device)
@@ -155,7 +159,7 @@ class GatherScene:
                 fire = self._fire and self._fire(*(x.flatten(0, 1) for x in rows), FOG_STEPS).view_as(rows[0]).mean(1)
         if self.cutouts is not None:
             tint = tint * self.cutouts.transmittance(origin, direction, distance)
-        if self.panes is not None:
+        if self.panes is not None and (self._refracts or ray == Ray.GLOSSY):
             with part(0.7, 1.0):
                 row, light, transmittance = self.panes.sky_through(origin, direction, distance)
             sky[row] = False
@@ -186,7 +190,7 @@ class GatherScene:
 
     def _sides(self, piece: Tensor, direction: Tensor) -> Tensor:
         """The same for the triangles (N,) of patches."""
-        patch, count = self.patch[piece], self.count
+        patch, count = self._seen[piece], self.count
         is_back = dot(self._facing.index_select(0, piece).T, direction.T) > 0
         return torch.where(patch < count, patch + count * is_back, 2 * count)
 

@@ -84,6 +84,8 @@ class Radiosity:
         albedo, of_layer = (torch.cat(sides).to(direct.device) for sides in (
             (patches.albedo, patches.back_albedo), (patches.layer, patches.back_layer)))
         diffuse, metal, layer = albedo.split(3, dim=1)
+        if not scene.has_caustics["reflective"]:
+            metal = layer = torch.zeros_like(diffuse)
         translucent = patches.translucent.repeat(2, 1).to(direct.device) if patches.translucent.any() else None
         lit = partial(_through, translucent)
         f0, roughness = of_layer.repeat_interleave(count, 0).unbind(1)
@@ -159,7 +161,8 @@ class Radiosity:
         And the radiance (sides, 3) that white diffuse patches of an `area` (S,) send on by them.
         """
         flux = area.new_zeros(2 * len(area) + 1, 3)
-        if not len(scene_rays(scene).rows(BENDING, Ray.DIFFUSE)) or not len(direct.emitters):
+        is_bent = scene.has_caustics["refractive"] and len(scene_rays(scene).rows(BENDING, Ray.DIFFUSE))
+        if not is_bent or not len(direct.emitters):
             return PhotonMap.empty(area), flux[:-1]
         photons = Photons(*(torch.from_numpy(x).to(area.device) for x in trace_photons(scene, direct, count)))
         side = self.gather_scene.hit_sides(photons.triangle, photons.weights, photons.direction)

@@ -40,6 +40,7 @@ def copy(depsgraph, report, cycles_world=None, baker=None, cache=None, hides=Non
     if (cycles := getattr(depsgraph.scene_eval, "cycles", None)) is not None:
         copied.bounces = (cycles.diffuse_bounces, cycles.glossy_bounces, cycles.transmission_bounces,
                           cycles.max_bounces)
+        copied.caustics = cycles.caustics_reflective, cycles.caustics_refractive
     if (camera := depsgraph.scene_eval.camera) is not None and camera.type == "CAMERA":
         copied.clip_start = clip_start(depsgraph)
     if baker is not None and any(map(needs_baking, blocks.materials)):

@@ -102,6 +102,7 @@ class CopiedScene:
     lamps: list[LampInstance] = field(default_factory=list)
     clip_start: float = 0.0  # of the camera, world units along its axis
     bounces: tuple[int, ...] = BOUNCES
+    caustics: tuple[bool, bool] = True, True  # reflective, refractive
     world_light_group: int = 0
 
 

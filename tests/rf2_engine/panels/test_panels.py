@@ -50,7 +50,8 @@ def panels():
     ("RENDERFORMER_WORLD_PT_ray_visibility", {"camera", "diffuse", "glossy"}),
     ("RENDERFORMER_WORLD_PT_settings_surface", {"sampling_method", "max_bounces"}),
     ("RENDERFORMER_PT_light_paths", {"max_bounces", "glossy_bounces", "transmission_bounces", "sample_clamp_direct",
-                                     "sample_clamp_indirect", "blur_glossy", "transparent_max_bounces"}),
+                                     "sample_clamp_indirect", "blur_glossy", "transparent_max_bounces",
+                                     "caustics_reflective", "caustics_refractive"}),
 ])
 def test_what_acts_can_be_set(scene, panel, expected):
     assert expected <= drawn(scene, panels()[panel], object=cube(scene)).shown
@@ -144,7 +145,7 @@ def test_light_groups_can_be_chosen_and_mixed(scene):
 
 def test_what_acts_on_traced_light_alone_says_so(scene):
     scene.renderformer_v2.light = "NETWORK"
-    assert "only Transparent acts" in " ".join(drawn(scene, panels()["RENDERFORMER_PT_light_paths"]).texts)
+    assert "only Transparent and Caustics act" in " ".join(drawn(scene, panels()["RENDERFORMER_PT_light_paths"]).texts)
     context = types.SimpleNamespace(engine="RENDERFORMER_V2", world=scene.world, scene=scene)
     assert not panels()["RENDERFORMER_WORLD_PT_settings_surface"].poll(context)
 

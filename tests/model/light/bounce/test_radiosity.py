@@ -257,6 +257,15 @@ def test_walls_that_glow_light_each_other_by_the_series_of_bounces():
     torch.testing.assert_close(light.indirect, torch.full((2, 3), 0.2 * 0.5 / (1 - 0.5)), rtol=0.15, atol=0)
 
 
+def test_without_reflective_caustics_metal_sends_no_light_to_matte_surfaces():
+    scene = closed_box((0.8, 0.8, 0.8))
+    scene.tiles[scene.tile_index[~scene.is_light], METALLIC] = 1
+    points = torch.tensor([[0.3, -0.2, -1.0], [-0.5, 0.6, -1.0]])
+    lit, dark = (built(replace(scene, caustics=caustics)).diffuse(points, UP.expand(2, 3)).indirect
+                 for caustics in (None, np.array([False, True])))
+    assert lit.min() > 0 and dark.max() == 0
+
+
 def test_a_glossy_surface_shows_more_of_a_bright_wall_from_where_it_is_mirrored():
     bounce = built(walls((0.8, 0.8, 0.8)))
     towards, away = (torch.nn.functional.normalize(torch.tensor([[x, 0.0, 0.5]]), dim=-1) for x in (1.0, -1.0))

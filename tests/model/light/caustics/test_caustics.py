@@ -129,6 +129,15 @@ def test_light_that_glass_gathers_bounces_on():
     assert (found[0] > 0.005).all() and (found[0] > 5 * found[1]).all()
 
 
+def test_without_refractive_caustics_glass_sends_no_light_to_matte_surfaces():
+    under = torch.tensor([[0.0, 0.0, 0.2]])
+    scene = floor_scene().appended(of_glass(pane(0.3, 0.01, half=1.5)))
+    dark = replace(scene, caustics=np.array([True, False]))
+    assert light_on_floor(dark).abs().max() == 0
+    down, up = (Radiosity(dark, DirectLight(dark)).diffuse(under, normal).indirect.max() for normal in (UP, -UP))
+    assert down < 0.005 and up < 0.005
+
+
 def test_half_the_photons_give_the_same_light(monkeypatch):
     scene, found = floor_scene().appended(of_glass(pane(0.3, 0.05), roughness=0.7)), []
     for count in (1 << 15, 1 << 16):
