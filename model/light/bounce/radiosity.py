@@ -8,7 +8,6 @@ glass is found by the same rays and by photons.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -127,7 +126,7 @@ class Radiosity:
                 first = first + (diffuse + glossy) * lit(fire)
             before = through if most == ANY else torch.zeros_like(through)
             most = self._most.at_most(most)
-            glossily, diffusely = _bounce(gathered, first + before, of_lobes, diffuse, glossy, most, lit)
+            glossily, diffusely = _bounce(gathered, first + before, of_lobes, diffuse, glossy, translucent, most)
             bounced_before = before + diffusely
             self.bounced_before = self.bounced_before + bounced_before
             if translucent is not None:
@@ -242,6 +241,7 @@ class _Bounces(NamedTuple):
     glossily: bool
     diffuse: int     # between patches before, at most: Cycles counts the last one too
     glossy: int
+    transmission: int
     all: int
 
     @classmethod
@@ -249,7 +249,7 @@ class _Bounces(NamedTuple):
         most = scene.most_bounces
         diffuse, glossy, both = min(most["diffuse"], DIFFUSE_BOUNCES), most["glossy"], most["all"]
         return cls(min(diffuse, both) > 0, min(glossy, both) > 0, max(diffuse - 1, 0), min(glossy, GLOSSY_BOUNCES),
-                   max(both - 1, 0))
+                   most["transmission"], max(both - 1, 0))
 
     def at_most(self, bounces: int) -> _Bounces:
         """Those of light that has no more than 1 or more."""
@@ -262,7 +262,7 @@ def _chains(gathered: Gathered, first: Tensor, through: Tensor, most: _Bounces) 
     Cycles counts that as transmission. through: (sides, 3) albedo of what sends light to its other side.
     """
     chains = torch.zeros_like(first)
-    for _ in range(min(most.diffuse, most.all)):
+    for _ in range(min(most.transmission, most.all)):
         first = through * gathered.radiance(first).roll(len(first) // 2, 0)
         chains = chains + first
     return chains
@@ -287,23 +287,33 @@ def _lobes(lights: dict[int, tuple[Tensor, ...]], metal: Tensor, layer: Tensor, 
 
 
 def _bounce(gathered: Gathered, light: Tensor, of_lobes: Tensor, diffuse: Tensor, glossy: Tensor,
-            most: _Bounces, lit: Callable[[Tensor], Tensor]) -> tuple[Tensor, Tensor]:
+            translucent: Tensor | None, most: _Bounces) -> tuple[Tensor, Tensor]:
     """What becomes of `light` (sides, 3) that leaves the patches, by as many bounces as are allowed: (sides, 3) each.
 
     Separately by glossy bounces alone, which Cycles' traced light follows from mirrors, and by all others. of_lobes:
-    (sides, 3), what of the light goes the way of PatchLobes. lit: the light that leaves a side by that which arrives at
-    both, as `_through`.
+    (sides, 3), what of the light goes the way of PatchLobes. translucent: (sides, 1), of diffuse light the share that
+    leaves the other side, which counts as transmission.
     """
-    after = {(0, 0): light}  # by number of diffuse and of glossy bounces
-    for count in range(1, min(most.diffuse + most.glossy, most.all) + 1):
-        pairs = [(d, count - d) for d in range(count + 1) if d <= most.diffuse and count - d <= most.glossy]
-        before = [pair for pair in after if sum(pair) == count - 1]
-        leaving = torch.cat([after[pair] for pair in before], 1)
+    reflected = diffuse if translucent is None else diffuse * (1 - translucent)
+    now = {(0, 0): light}  # by number of diffuse and of glossy bounces
+    glossily, diffusely = torch.zeros_like(light), torch.zeros_like(light)
+    for count in range(1, most.all + 1):
+        leaving = torch.cat(list(now.values()), 1)
         arriving = gathered.with_lobes(leaving, of_lobes) if count == 1 else gathered.radiance(leaving)
-        arriving = dict(zip(before, arriving.split(3, 1)))
-        for d, g in pairs:
-            after[d, g] = sum(([diffuse * lit(arriving[d - 1, g])] if (d - 1, g) in arriving else [])
-                              + ([glossy * arriving[d, g - 1]] if (d, g - 1) in arriving else []))
-    none = torch.zeros_like(light)
-    return (sum((bounced for (d, g), bounced in after.items() if g and not d), none),
-            sum((bounced for (d, _), bounced in after.items() if d), none))
+        arriving, now = dict(zip(now, arriving.split(3, 1))), {}
+        for (d, g), some in arriving.items():
+            if d < most.diffuse:
+                now[d + 1, g] = reflected * some + now.get((d + 1, g), 0)
+            if g < most.glossy:
+                now[d, g + 1] = glossy * some + now.get((d, g + 1), 0)
+            if translucent is not None and count - d - g <= most.transmission:
+                now[d, g] = diffuse * translucent * some.roll(len(some) // 2, 0) + now.get((d, g), 0)
+        if not now:
+            break
+        now = {pair: now[pair] for pair in sorted(now)}
+        for (d, g), bounced in now.items():
+            if g and not d:
+                glossily = glossily + bounced
+            else:
+                diffusely = diffusely + bounced
+    return glossily, diffusely
