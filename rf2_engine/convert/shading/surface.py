@@ -108,7 +108,8 @@ def subsurface(n: NodeCall):
 
 
 def translucent(n: NodeCall):
-    closure = scattering(n)
+    n.folded(f"in mirrors and behind glass {n.node.bl_label} is shown as Diffuse")
+    closure = diffuse(n)
     closure.translucent = closure.lobe
     return closure
 
