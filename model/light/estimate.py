@@ -130,7 +130,11 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
                            traced=tensors_on(direct.device)(guides.traced).clamp_min(0))
     if not with_direct:
         return beside
-    return replace(beside, direct=complete.direct + complete.indirect() - beside.indirect())
+    beside = replace(beside, direct=complete.direct + complete.indirect() - beside.indirect())
+    if direct.fog is None or not direct.fog.holds(direct.emitters.origins).any():
+        return beside
+    # Near lamps the cells of a fog are too coarse for its glow, of which the traced one is then the estimate.
+    return replace(beside, glow=(beside.traced - beside.estimate() + beside.glow).clamp_min(0))
 
 
 def _unshadowed_light(light: SceneLight, view: View, guides: Guides) -> SurfaceLight:

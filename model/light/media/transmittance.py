@@ -58,6 +58,10 @@ class Fog:
         farthest = (begin - self.low - size / 2).norm(dim=-1) + size.norm()  # at least as far as the grid reaches
         return self.transmittance(begin, begin + torch.minimum(distance, farthest)[:, None] * direction).cpu().numpy()
 
+    def holds(self, points: Tensor) -> Tensor:
+        """(P,) bool: which of points (P, 3) are within the grid."""
+        return ((points > self.low) & (points < self.low + SIDE * self.cell)).all(-1)
+
     def crossed(self, begin: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
         """Shares (..., 1) of rays (..., 3) from points (..., 3) at which they enter and leave the grid."""
         near, far = ((side - begin) / torch.where(ray.abs() < 1e-9, 1e-9, ray)
