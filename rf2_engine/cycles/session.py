@@ -160,6 +160,8 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
             _set_catchers(depsgraph, model.catchers, override)
         if light is Light.NONE:
             _leave_out_light(depsgraph, override, occluding=view_layer.use_pass_ambient_occlusion)
+            if model.is_blurred and compat.has_openimagedenoise():
+                override(depsgraph.scene_eval, _DENOISED)
         elif light is Light.TRACED:
             override(depsgraph.scene_eval, _TRACED | (_DENOISED if clean else {}))
             if hazy:
@@ -172,11 +174,15 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
         rendered["alpha"] = combined[..., 3:].copy()
         share = rendered.get(pass_table.SAMPLE_COUNT.key)
         rendered["samples"] = np.zeros_like(rendered["alpha"]) + sampling.counts(share)
-        if light is Light.TRACED:
+        if light is not Light.ALL:
             seen = ["emission", "environment"] if model.opaque_film else ["emission"]
             if model.is_blurred:
                 _denoise_seen(rendered, seen)
-            rendered["traced"] = (combined[..., :3] - sum(rendered[name] for name in seen)).clip(0)
+            rest = (combined[..., :3] - sum(rendered[name] for name in seen)).clip(0)
+            if light is Light.TRACED:
+                rendered["traced"] = rest
+            elif model.is_blurred:  # there is no light, so it is what noise has left out
+                rendered["emission"] = rendered["emission"] + rest
         if pass_table.NOISY.key in rendered:
             rendered["noise"] = rendered.pop(pass_table.NOISY.key)[..., :3] - combined[..., :3]
         if light is not Light.ALL and model.catchers is not Catchers.CATCH:

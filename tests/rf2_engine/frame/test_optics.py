@@ -108,7 +108,7 @@ def on_an_object(scene):
 def test_depth_of_field_is_that_of_cycles(blurry, tmp_path, seen, lens, light):
     blurry.renderformer_v2.light = light
     lens(blurry)
-    assert_blurred_like_cycles(blurry, tmp_path, 0.52 if light == "TRACED" else 0.9)
+    assert_blurred_like_cycles(blurry, tmp_path, 0.52 if light == "TRACED" else 1.0)
     assert len(seen["samples"]) == SAMPLES + 1 and len(seen["encoded"]) == 2  # the last for the sharp picture
     y, x = np.mgrid[:SIZE, :SIZE] + 0.5
     for found, _, view in seen["samples"]:  # Cycles looks where the network does
