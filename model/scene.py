@@ -298,9 +298,9 @@ class RenderScene:
         return (self.emission > 0).any(axis=1)
 
     @property
-    def radiance(self) -> np.ndarray:
-        """(N, 3) f32 of lights and of surfaces that glow."""
-        return self.emission if self.glow is None else self.emission + self.glow
+    def surface_glow(self) -> np.ndarray:
+        """(N, 3) f32, 0 where nothing glows."""
+        return np.zeros_like(self.emission) if self.glow is None else self.glow
 
     @property
     def light_groups(self) -> np.ndarray:
@@ -393,7 +393,7 @@ class RenderScene:
                                   back_tile=scene.tile_behind + np.int32(tiles), hidden=scene.hidden_from,
                                   shadow_tile=np.where(shadow_tile < 0, shadow_tile, shadow_tile + np.int32(tiles)),
                                   **{name: scene.seldom(name) for name in SELDOM if name != "shadow_tile"},
-                                  light_group=scene.light_groups, glow=scene.radiance - scene.emission,
+                                  light_group=scene.light_groups, glow=scene.surface_glow,
                                   latents=scene.tile_latents, two_lobes=scene.tile_lobes,
                                   translucent=scene.tile_translucence))
             surfaces = scene.surfaces

@@ -58,7 +58,9 @@ def smoothed(guides: Guides, volumes: Volumes | None, view: View, surface: Behin
         if surface is None:
             changed[name] = _mean(colors, inside, inside)
         else:
-            share = _share(*(_mean(c, inside, inside) for c in (colors, surface.colors[i])))
+            visible, full = (_mean(c, inside, inside) for c in (colors, surface.colors[i]))
+            of_all = _share(visible.mean(-1, keepdims=True), full.mean(-1, keepdims=True), 0)
+            share = _share(visible, full, of_all)
             changed[name] = np.where(inside[..., None], surface.colors[i] * share, colors).astype(np.float32)
     through, clear = 1 - guides.alpha[..., None], 1 - changed["alpha"][..., None]
     behind = np.where(through > CLEAR, guides.environment / np.maximum(through, CLEAR),
@@ -67,11 +69,10 @@ def smoothed(guides: Guides, volumes: Volumes | None, view: View, surface: Behin
     return replace(guides, environment=environment.astype(np.float32), **changed)
 
 
-def _share(visible: np.ndarray, full: np.ndarray) -> np.ndarray:
-    """(H, W, 3) of the light of each colour that comes through a medium, by colours (H, W, 3) behind it and before."""
-    share, of_all = (np.where(whole > FAINT, some / np.maximum(whole, FAINT), np.nan) for some, whole in (
-        (visible, full), (visible.mean(-1, keepdims=True), full.mean(-1, keepdims=True))))
-    return np.nan_to_num(np.where(np.isnan(share), of_all, share))
+def _share(visible: np.ndarray, full: np.ndarray, otherwise: np.ndarray | float) -> np.ndarray:
+    """(H, W, C) of the light of each colour that comes through a medium, by the colours that are seen and those of the
+    surface behind it; `otherwise` where that is black."""
+    return np.where(full > FAINT, visible / np.maximum(full, FAINT), otherwise)
 
 
 def _mean_by_coverage(values: np.ndarray, inside: np.ndarray, share: np.ndarray | None) -> np.ndarray:

@@ -107,7 +107,8 @@ class AccumulatedGuides:
                 is_open[self._evaluate(colors, at, rays, triangle[at], weights[at])] = False
         at = np.flatnonzero(is_open)
         token, on_token = self._tokens(at, triangle[at], weights[at])
-        colors[:3, at], colors[3, at] = lobe_colors(self._scene, token, on_token), self._scene.radiance[token]
+        colors[:3, at] = lobe_colors(self._scene, token, on_token)
+        colors[3, at] = self._scene.emission[token] + self._scene.surface_glow[token]
         if self._first is None:
             self._first = colors, material_id
         return colors

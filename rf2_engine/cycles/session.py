@@ -174,15 +174,13 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
         rendered["alpha"] = combined[..., 3:].copy()
         share = rendered.get(pass_table.SAMPLE_COUNT.key)
         rendered["samples"] = np.zeros_like(rendered["alpha"]) + sampling.counts(share)
-        if light is not Light.ALL:
-            seen = ["emission", "environment"] if model.opaque_film else ["emission"]
-            if model.is_blurred:
-                _denoise_seen(rendered, seen)
-            rest = (combined[..., :3] - sum(rendered[name] for name in seen)).clip(0)
-            if light is Light.TRACED:
-                rendered["traced"] = rest
-            elif model.is_blurred:  # there is no light, so it is what noise has left out
-                rendered["emission"] = rendered["emission"] + rest
+        seen = ["emission", "environment"] if model.opaque_film else ["emission"]
+        if light is not Light.ALL and model.is_blurred:
+            _denoise_seen(rendered, seen)
+        if light is Light.TRACED:
+            rendered["traced"] = _not_seen(rendered, seen)
+        elif light is Light.NONE and model.is_blurred:  # there is no light, so it is what noise has left out
+            rendered["emission"] = rendered["emission"] + _not_seen(rendered, seen)
         if pass_table.NOISY.key in rendered:
             rendered["noise"] = rendered.pop(pass_table.NOISY.key)[..., :3] - combined[..., :3]
         if light is not Light.ALL and model.catchers is not Catchers.CATCH:
@@ -196,6 +194,11 @@ def _denoise_seen(rendered: Passes, seen: list[str]) -> None:
     share = np.where(total > 0, rendered["combined"][..., :3].clip(0) / np.where(total > 0, total, 1), 1).clip(max=1)
     for name in seen:
         rendered[name] = rendered[name] * share
+
+
+def _not_seen(rendered: Passes, seen: list[str]) -> np.ndarray:
+    """(H, W, 3) of the picture, without what is seen directly."""
+    return (rendered["combined"][..., :3] - sum(rendered[name] for name in seen)).clip(0)
 
 
 def _tile_size(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, light: Light, threads: int) -> int:

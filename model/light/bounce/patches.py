@@ -110,7 +110,7 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
     material = np.concatenate([tile_albedo(means), _layer(means)], axis=1)
     material = np.concatenate([material[scene.tile_index], material[scene.tile_behind],
-                               scene.tile_translucence[scene.tile_index][:, None], scene.radiance], axis=1)
+                               scene.tile_translucence[scene.tile_index][:, None], scene.surface_glow], axis=1)
     element, largest = group_elements(corners, token, patch_density(scene.triangles.mean(axis=1), emitters))
     vector = _sums(area_vectors(corners), element)
     center, token = corners[largest].mean(axis=1), token[largest]

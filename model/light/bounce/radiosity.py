@@ -102,9 +102,9 @@ class Radiosity:
             white, slanting = (light.view(-1, count, 3) for light in (white, slanting))
             glossy_firsts[most] = STEEP * metal[:, None] * white + layer[:, None] * slanting
             firsts[most] = diffuse[:, None] * lit(white) + glossy_firsts[most]
-        self.glow = patches.glow.repeat(2, 1).to(direct.device) if patches.glow.any() else None
-        shining = sum(firsts.values()).mean(1)
-        self.gather_scene.aim(importance_by_power(shining if self.glow is None else shining + self.glow, size))
+        glow = patches.glow.repeat(2, 1).to(direct.device)
+        self.glow = glow if glow.any() else None
+        self.gather_scene.aim(importance_by_power(sum(firsts.values()).mean(1) + glow, size))
         if (metal + layer).any():
             self.gather_scene.spread(_lobes(lights, metal, layer, of_layer, normals.view(-1, count, 3)))
         with part(0.6, 1.0):

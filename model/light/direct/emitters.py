@@ -85,10 +85,11 @@ def _gathered(corners: np.ndarray, light: np.ndarray, center: np.ndarray, radius
             polygons += [(*piece, own * ([gain] * 3 + [1] * 6)) for piece in _pieces(front)]
         else:
             for rows in _round_or_straight(shape, vectors):
-                if _is_round(shape[rows], vectors[rows]):
-                    spheres.append((*_sphere(shape[rows], vectors[rows]), own))
+                some = shape[rows], vectors[rows]
+                if _is_round(*some):
+                    spheres.append((*_sphere(*some), own))
                 else:
-                    polygons += [(rectangle, NO_SHELL, own) for rectangle in _rod(shape[rows], vectors[rows])]
+                    polygons += [(rectangle, NO_SHELL, own) for rectangle in _rod(*some)]
     return Emitters.of(polygons, spheres)
 
 
@@ -141,7 +142,7 @@ def _pieces(shape: np.ndarray, most: int = MAX_LUMPS) -> list[tuple[np.ndarray, 
     areas = np.linalg.norm(vectors, axis=1)
     middle = np.average(places, axis=0, weights=areas)
     lumps = []
-    for rows in _parts(known, vectors, most):
+    for rows in _parts(known, areas, most):
         vector, center = vectors[rows].sum(axis=0), np.average(places[rows], axis=0, weights=areas[rows] + 1e-20)
         normal, away = unit(vector), unit(center - middle)
         along = normal @ away
@@ -153,7 +154,7 @@ def _round_or_straight(shape: np.ndarray, vectors: np.ndarray) -> list[np.ndarra
     """Rows of a closed surface (n, 3, 3): all of it if it is like a sphere or a rod, else those of its parts."""
     if _is_round(shape, vectors) or _is_straight(shape, vectors):
         return [np.arange(len(shape))]
-    return _parts(shape.mean(axis=1), vectors, MAX_PARTS)
+    return _parts(shape.mean(axis=1), np.linalg.norm(vectors, axis=1), MAX_PARTS)
 
 
 def _is_round(shape: np.ndarray, vectors: np.ndarray) -> bool:
@@ -185,9 +186,9 @@ def _along_axes(shape: np.ndarray, vectors: np.ndarray) -> tuple[np.ndarray, np.
     return points, axes, 2 * of_sphere ** 2 / max(np.ptp(points @ axes[:, 0]), 1e-20)
 
 
-def _parts(points: np.ndarray, vectors: np.ndarray, most: int) -> list[np.ndarray]:
-    """Rows of at most so many parts of a surface with area vectors (n, 3), alike in points (n, K)."""
-    return split_clusters(points, np.linalg.norm(vectors, axis=1), [np.arange(len(points))], most)
+def _parts(points: np.ndarray, areas: np.ndarray, most: int) -> list[np.ndarray]:
+    """Rows of at most so many parts of a surface of areas (n,), alike in points (n, K)."""
+    return split_clusters(points, areas, [np.arange(len(points))], most)
 
 
 def _sphere(shape: np.ndarray, vectors: np.ndarray) -> tuple[np.ndarray, float]:
