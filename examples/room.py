@@ -120,6 +120,8 @@ def save_scenes(builders, finish=lambda: None):
 if __name__ == "__main__":
     build()
     choose_engine()
-    bpy.ops.wm.save_as_mainfile(filepath=os.path.abspath(sys.argv[1]), compress=True)
+    file = Path(sys.argv[1]).absolute()
+    file.parent.mkdir(parents=True, exist_ok=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(file), compress=True)
     sys.stdout.flush()
     os._exit(0)

@@ -130,11 +130,7 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
                            traced=tensors_on(direct.device)(guides.traced).clamp_min(0))
     if not with_direct:
         return beside
-    beside = replace(beside, direct=complete.direct + complete.indirect() - beside.indirect())
-    if direct.fog is None or not direct.fog.holds(direct.emitters.origins).any():
-        return beside
-    # Near lamps the cells of a fog are too coarse for its glow, of which the traced one is then the estimate.
-    return replace(beside, glow=(beside.traced - beside.estimate() + beside.glow).clamp_min(0))
+    return replace(beside, direct=complete.direct + complete.indirect() - beside.indirect())
 
 
 def _unshadowed_light(light: SceneLight, view: View, guides: Guides) -> SurfaceLight:
@@ -161,9 +157,11 @@ def _glow(direct: DirectLight, surfaces: HitSurfaces) -> Tensor:
     if direct.in_scattering is None:
         return torch.zeros_like(surfaces.position)
     has_hit = surfaces.normal.square().sum(-1, keepdim=True) > 0.25
-    end = torch.where(has_hit, surfaces.position, surfaces.origin + BEYOND * surfaces.rays)
-    origin = surfaces.origin.expand_as(end)
-    return direct.in_scattering(origin.flatten(0, 1), end.flatten(0, 1)).view_as(end)
+    origin = surfaces.origin.expand_as(surfaces.position)
+    # Along the ray: where positions end, far away, they are beside it.
+    distance = ((surfaces.position - origin) * surfaces.rays).sum(-1, keepdim=True)
+    end = origin + torch.where(has_hit, distance, BEYOND) * surfaces.rays
+    return direct.in_scattering.towards_viewer(origin.flatten(0, 1), end.flatten(0, 1)).view_as(end)
 
 
 def _antialias(picture: SurfaceLight, light: SceneLight, view: View, guides: Guides, with_direct: bool) -> None:

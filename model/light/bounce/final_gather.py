@@ -17,6 +17,7 @@ from ..cutouts import Cutouts
 from ..direct.direct_light import DirectLight
 from ..direct.environment_light import LIFT, EnvironmentLight
 from ..edge_stopping import dot
+from ..sampling import hashed_starts
 from ..tensor_rays import TensorRays
 from ..weighted_rows import weighted_rows
 from .bright_patches import BrightPatches
@@ -26,7 +27,7 @@ from .patches import Patches
 
 FOG_REACH = 2.0        # network units from a point: fog beyond dims nothing
 LEAST_RELIABLE = 1e-3  # weight of a point that sees backs alone beside one that sees none
-FOG_RAYS, FOG_STEPS = 8, 8  # rays of a point along which in-scattering is computed, and samples on each
+FOG_RAYS = 8           # of a point, along which in-scattering is computed
 UNLIKE = 0.25          # difference of the shares of visible sky at which a point's weight is 1/e
 
 
@@ -109,9 +110,8 @@ class GatherScene:
         self._locator = patches.locator.to(device)
         self.fog = direct.fog
         self.environments = {Ray.DIFFUSE: direct.environment, Ray.GLOSSY: direct.sky_seen_by(Ray.GLOSSY)}
-        self.in_scattering = direct.in_scattering
+        self._media = direct.in_scattering
         self.cutouts = Cutouts.of(scene, Ray.DIFFUSE, device)
-        self._fire = None if scene.fire is None else direct.in_scattering.fire()
         self.panes = None
         with part(0.0, 0.5):
             stopping = {Ray.DIFFUSE: SOLID | Kind.EMITTER | (Kind(0) if self._refracts else BENDING),
@@ -154,9 +154,11 @@ class GatherScene:
             end = origin + distance.clamp(max=FOG_REACH)[:, None] * direction
             tint = self.fog.transmittance(origin, end)
             if with_media:
-                rows = [x.view(-1, total, 3)[:, :rays] for x in (origin, end)]
-                through += self._scattered(*rows)
-                fire = self._fire and self._fire(*(x.flatten(0, 1) for x in rows), FOG_STEPS).view_as(rows[0]).mean(1)
+                begin = hashed_starts(position, 2) if start is None else start
+                some = _some(end.view(-1, total, 3)[:, :rays], FOG_RAYS, begin[:, 1])
+                of_media = position, normal, some, begin, self.surfaces[ray].is_blocked
+                through += self._media.to_surfaces.diffuse(*of_media)
+                fire = self._media.fire and self._media.fire.diffuse(*of_media)
         if self.cutouts is not None:
             tint = tint * self.cutouts.transmittance(origin, direction, distance)
         if self.panes is not None and (self._refracts or ray == Ray.GLOSSY):
@@ -194,12 +196,6 @@ class GatherScene:
         is_back = dot(self._facing.index_select(0, piece).T, direction.T) > 0
         return torch.where(patch < count, patch + count * is_back, 2 * count)
 
-    def _scattered(self, origin: Tensor, end: Tensor) -> Tensor:
-        """(P, 3) mean radiance that media send along rays (P, R, 3) to their origins, by some of the rays."""
-        step = max(origin.shape[1] // FOG_RAYS, 1)
-        origin, end = origin[:, ::step], end[:, ::step]
-        return self.in_scattering(origin.flatten(0, 1), end.flatten(0, 1), FOG_STEPS).view_as(origin).mean(1)
-
     def reliability(self, gathered: Gathered, count: int) -> Tensor:
         """(P / count, count) weights of each `count` consecutive points of a patch, 1 in the mean.
 
@@ -216,3 +212,11 @@ class GatherScene:
         unlike = (sky - sky.median(1, keepdim=True).values) / UNLIKE
         weight = (far * (1 - backs)).clamp_min(LEAST_RELIABLE) * (-unlike.square()).exp()
         return weight / weight.mean(1, keepdim=True)
+
+
+def _some(rays: Tensor, count: int, start: Tensor) -> Tensor:
+    """(P, count, C) of rays (P, R, C) in order, evenly from all of them; start: (P,) in [0, 1)."""
+    step = max(rays.shape[1] // count, 1)
+    first = (start * step).long().clamp(max=step - 1)
+    row = first[:, None] + step * torch.arange(rays.shape[1] // step, device=rays.device)
+    return rays.gather(1, row[..., None].expand(-1, -1, rays.shape[2]))

@@ -104,7 +104,7 @@ class DirectLight:
     def in_scattering(self) -> InScattering | None:
         """Light that the scene's media scatter; None without media."""
         return None if self.fog is None else InScattering(
-            self.fog, self.sky_radiance_in_air, self.emitter_radiance_in_air)
+            self.fog, self.sky_radiance_in_air, self.emitters)
 
     def visibility(self, position: Tensor, normal: Tensor, start: Tensor | None = None,
                    sky_rays: int = SKY_RAYS) -> Visibility:
@@ -137,10 +137,6 @@ class DirectLight:
         sides = (n.expand_as(position) for n in torch.cat([axes, -axes]))
         light = sum(environment.irradiance(n) * self.sky(position, n, start, AIR_RAYS) for n in sides)
         return light / (6 * math.pi)  # irradiances from six sides are 1.5 times the light of the sphere
-
-    def emitter_radiance_in_air(self, position: Tensor) -> Tensor:
-        """The same of the emitters."""
-        return in_chunks(CHUNK, self.emitters.mean_radiance, position, hashed_starts(position, 2))
 
     def diffuse(self, position: Tensor, normal: Tensor, visibility: Visibility | None = None) -> Tensor:
         """(P, 3) radiance leaving a white diffuse surface at points (P, 3) with unit normals (P, 3)."""

@@ -23,7 +23,7 @@ from ...surface_kinds import OCCLUDING, SHADING, Kind, Ray
 from ..cutouts import Cutouts
 from ..fresnel import gain
 from ..media.transmittance import Fog
-from ..sampling import R2, disk_points, local_basis, triangle_weights
+from ..sampling import R2, disk_points, hashed_starts, local_basis, triangle_weights
 from ..tensor_rays import TensorRays
 from .emitters import DISTANT, Limits, gather_emitters
 from .environment_light import LIFT
@@ -107,10 +107,12 @@ class EmitterLight:
             reaches &= (self._limits.groups >> np.uint64(group)) & np.uint64(1) > 0
         if bounces is not None:
             reaches &= bounces(self._limits.bounces)
-        if reaches.all():
-            return self
+        return self if reaches.all() else self._reaching(reaches)
+
+    def _reaching(self, chosen: np.ndarray) -> EmitterLight:
+        """The same places, and the light alone of those that are chosen (E,)."""
         some = copy.copy(self)
-        some.radiance = self._only(reaches)
+        some.radiance = self._only(chosen)
         some._divide()
         return some
 
@@ -124,6 +126,25 @@ class EmitterLight:
         silhouette = np.concatenate([np.linalg.norm(outline_vectors(corners), axis=1), 2 * np.pi * radii**2])
         power = (silhouette * radiance.mean(axis=1))[is_near]
         return NearEmitters(position[is_near], power / max(power.sum(), 1e-20))
+
+    def strongest_lamps(self, most: int) -> tuple[list[EmitterLight], EmitterLight]:
+        """Each of the strongest emitters that are no suns by itself, and all others, in whose places those are dark."""
+        near = torch.nonzero(~self.is_distant)[:, 0].cpu().numpy()
+        chosen = near[np.argsort(-self.near().power_share, kind="stable")[:most]]
+        return [self._alone(row) for row in chosen], self._reaching(~np.isin(np.arange(len(self)), chosen))
+
+    def _alone(self, row: int) -> EmitterLight:
+        """One emitter."""
+        one, of_all, polygons = copy.copy(self), slice(row, row + 1), len(self.corners)
+        of_polygons, of_spheres = of_all, slice(max(row - polygons, 0), max(row - polygons + 1, 0))
+        for names, rows in ((("corners", "rings", "_fan"), of_polygons), (("centers", "radii"), of_spheres),
+                            (("origins", "reach", "is_distant", "radiance", "beam_axis", "beam_cosine", "_outward",
+                              "_occluder"), of_all)):
+            for name in names:
+                setattr(one, name, getattr(self, name)[rows])
+        one._limits = Limits(*(values[of_all] for values in self._limits))
+        one._divide()
+        return one
 
     def visibility(self, x: Tensor, n: Tensor, start: Tensor, *gloss: Tensor) -> tuple[Tensor, ...]:
         """Share of the emitters' light at points x (P, 3) with unit normals n (P, 3) that is not blocked, (P, 3) each.
@@ -197,10 +218,17 @@ class EmitterLight:
         share = ((u - first) / (last - first).clamp_min(1e-12)).clamp(0, 1)
         return (corners * triangle_weights(share, v)[..., None]).sum(1)
 
-    def mean_radiance(self, x: Tensor, start: Tensor) -> Tensor:
-        """(P, 3) radiance that arrives in the air at points x (P, 3), the mean over all directions; start: (P, 2)."""
+    def radiance_in_air(self, x: Tensor) -> Tensor:
+        """(P, 3) radiance that arrives in the air at points x (P, 3), the mean over all directions."""
         direction, sine2, in_beam = self._directions(x)
-        return _arriving(sine2 / 4 * in_beam, self._trace_shadows(x, in_beam > 0, direction, start), self._to_air)
+        is_lit = (in_beam > 0) & self._to_air.any(1)
+        return _arriving(sine2 / 4 * in_beam, self._trace_shadows(x, is_lit, direction, hashed_starts(x, 2)),
+                         self._to_air)
+
+    def unshadowed_in_air(self, x: Tensor) -> Tensor:
+        """The same without what is in the way."""
+        _, sine2, in_beam = self._directions(x)
+        return (sine2 / 4 * in_beam) @ self._to_air
 
     def diffuse(self, x: Tensor, n: Tensor, *layer: Tensor) -> tuple[Tensor, ...]:
         """Unshadowed radiance (P, 3) leaving a white diffuse surface at points x (P, 3) with unit normals n (P, 3).

@@ -7,13 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
 from ...geometry import rotation_matrix
 from ...scene import CELLS, VOXELS, Fire, RenderScene, Volumes
 
 SIDE = 32          # cells along the grid
 STEPS = 6          # samples of the extinction along a ray
-NO_VOXELS = np.zeros((0, 3), np.float32), np.zeros((0, 1), np.float32), np.zeros((0, 3), np.float32)
+SPLIT = 2          # parts of a voxel along each axis, so that none skips a cell
+NO_VOXELS = tuple(np.zeros((0, count), np.float32) for count in (3, 3, 1, 3))
 REACH = 2.0        # network units
 GREY = 0.02        # difference between colours of the extinction, as a share of it, up to which media are grey
 
@@ -31,16 +33,17 @@ class Fog:
         voxels = NO_VOXELS if volumes is None else _voxels(volumes)
         if fire is not None:
             none, emitted = np.zeros_like(fire.radiance), fire.radiance * fire.size[:, None] ** 2
+            reaches = np.repeat(fire.size[:, None] / 2, 3, axis=1)
             voxels = [np.concatenate(both) for both in zip(
-                (*voxels, np.zeros_like(voxels[2])),
-                (fire.position, none[:, :voxels[1].shape[1]], none, emitted), strict=True)]
-        points, *coefficients = (torch.as_tensor(x, dtype=torch.float32, device=device) for x in voxels)
+                (*voxels, np.zeros_like(voxels[3])),
+                (fire.position, reaches, none[:, :voxels[2].shape[1]], none, emitted), strict=True)]
+        points, reaches, *coefficients = (torch.as_tensor(x, dtype=torch.float32, device=device) for x in voxels)
         near = (points.abs() < reach).all(1)
-        points = points[near]
-        corners = points if len(points) else points.new_zeros(1, 3)
+        points, reaches = points[near], reaches[near]
+        ends = torch.cat([points - reaches, points + reaches]) if len(points) else points.new_zeros(1, 3)
         margin = 1e-3
-        self.low = corners.amin(0) - margin
-        self.cell = (corners.amax(0) + margin - self.low) / SIDE
+        self.low = ends.amin(0) - margin
+        self.cell = (ends.amax(0) + margin - self.low) / SIDE
         self.extinction, self.scattering, *emission = self._divided(points, [x[near] for x in coefficients])
         self.emission = emission[0] if emission else None
 
@@ -57,10 +60,6 @@ class Fog:
         size = SIDE * self.cell
         farthest = (begin - self.low - size / 2).norm(dim=-1) + size.norm()  # at least as far as the grid reaches
         return self.transmittance(begin, begin + torch.minimum(distance, farthest)[:, None] * direction).cpu().numpy()
-
-    def holds(self, points: Tensor) -> Tensor:
-        """(P,) bool: which of points (P, 3) are within the grid."""
-        return ((points > self.low) & (points < self.low + SIDE * self.cell)).all(-1)
 
     def crossed(self, begin: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
         """Shares (..., 1) of rays (..., 3) from points (..., 3) at which they enter and leave the grid."""
@@ -81,10 +80,24 @@ class Fog:
                 whole.index_add_(0, number, weight * amount)
         return cells
 
+    def cells_at(self, x: Tensor) -> Tensor:
+        """Numbers (P,) of the cells that points (P, 3) are in."""
+        return self._number(((x - self.low) / self.cell).clamp(0, SIDE - 1).long().unbind(-1))
+
     def points_in(self, cells: Tensor, within: Tensor) -> Tensor:
         """(P, 3) points in cells by number (P,); within: (P, 3) in [0, 1), where in its cell each point is."""
         x, y, z = cells // SIDE ** 2, cells // SIDE % SIDE, cells % SIDE
         return self.low + (torch.stack([x, y, z], dim=1) + within) * self.cell
+
+    def as_volume(self, cells: Tensor) -> Tensor:
+        """(1, C, SIDE, SIDE, SIDE) values of the cells (SIDE^3, C), for `interpolated`."""
+        return cells.T.reshape(1, -1, SIDE, SIDE, SIDE)
+
+    def interpolated(self, volume: Tensor, x: Tensor) -> Tensor:
+        """(P, C) of the result of `as_volume` between the cells, at points (P, 3)."""
+        position = (2 * (x - self.low) / (SIDE * self.cell) - 1).flip(-1)
+        return F.grid_sample(volume, position.view(1, -1, 1, 1, 3), align_corners=False,
+                             padding_mode="border")[0, :, :, 0, 0].T
 
     def _mean_extinction(self, begin: Tensor, ray: Tensor) -> Tensor:
         """(..., C) between points (..., 3) and points + ray, all of them in the grid."""
@@ -104,16 +117,23 @@ def fog_of(scene: RenderScene, device: torch.device | str = "cpu", reach: float 
     return None if volumes is None and scene.fire is None else Fog(volumes, device, scene.fire, reach)
 
 
-def _voxels(volumes: Volumes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centres (V, 3) of all voxels, and, times their volume, extinction (V, C) and scattering (V, 3)."""
-    step = ((np.arange(VOXELS) + 0.5) / VOXELS - 0.5) / CELLS
+def _voxels(volumes: Volumes) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Middles (V, 3) of the parts of all voxels, how far these reach (V, 3) from there along each axis, and, times
+    their volume, extinction (V, C) and scattering (V, 3)."""
+    side = VOXELS * SPLIT
+    step = ((np.arange(side) + 0.5) / side - 0.5) / CELLS
     local = np.stack(np.meshgrid(step, step, step, indexing="ij")[::-1], axis=-1).reshape(-1, 3)  # x fastest
     turned = np.stack([rotation_matrix(euler) for euler in volumes.rotation])
     points = volumes.position[:, None] + np.einsum("mij,mvj->mvi", turned, local * volumes.scale[:, None])
+    reaches = np.einsum("mij,mj->mi", np.abs(turned), volumes.scale) / (2 * CELLS * side)
     lost = volumes.absorption + volumes.scattering
     if (np.ptp(lost, axis=1) <= GREY * lost.mean(1)).all():
         lost = lost.mean(1, keepdims=True)
-    voxel = volumes.scale.prod(1) / (CELLS * VOXELS) ** 3 / np.sqrt((volumes.scale**2).mean(1))
-    amount = volumes.density * voxel[:, None]
-    return points.reshape(-1, 3), *((amount[..., None] * of_cell[:, None]).reshape(-1, of_cell.shape[1])
-                                    for of_cell in (lost, volumes.scattering))
+    part = volumes.scale.prod(1) / (CELLS * side) ** 3 / np.sqrt((volumes.scale**2).mean(1))
+    density = volumes.density.reshape(-1, VOXELS, VOXELS, VOXELS)
+    for axis in (1, 2, 3):
+        density = density.repeat(SPLIT, axis)
+    amount = density.reshape(len(volumes), -1) * part[:, None]
+    count = amount.shape[1]
+    return points.reshape(-1, 3), reaches.repeat(count, 0), *(
+        (amount[..., None] * of_cell[:, None]).reshape(-1, of_cell.shape[1]) for of_cell in (lost, volumes.scattering))

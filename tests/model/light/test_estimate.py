@@ -12,7 +12,6 @@ from renderformer_v2.model.light.effort import FULL
 from renderformer_v2.model.light.estimate import estimate_light
 from renderformer_v2.model.light.surface_light import SurfaceLight
 from renderformer_v2.model.scene import ROUGHNESS
-from tests.model.light.media.test_transmittance import box
 from tests.model.samples import floor_scene, floor_view, scene_light, walls
 
 
@@ -124,15 +123,3 @@ def test_what_was_traced_is_estimated_as_well_if_that_is_asked_for(roughness):
     torch.testing.assert_close(beside.estimate() + beside.bounces(), untraced.radiance(), rtol=1e-3, atol=1e-4)
     alone = estimate_light(light, view, traced, plain, with_direct=False)
     assert not alone.direct.any() and torch.equal(alone.radiance(), beside.radiance())
-
-
-@pytest.mark.parametrize("height, is_inside", [(0.8, True), (0.3, False)])
-def test_the_glow_of_a_fog_around_a_lamp_is_what_was_traced(height, is_inside):
-    view, guides = floor_view(16, 16)
-    guides.traced = 0.3 * np.ones_like(guides.diffuse_color)
-    fog = box(side=(1.0, 1.0, 0.5), scattering=1.0)
-    fog.position = fog.position + np.float32((0, 0, height))
-    scene = replace(floor_scene(radiance=0.01), volumes=fog)
-    scene.triangles[scene.is_light] -= np.float32((0, 0, 1.2))
-    light = estimate_light(scene_light(scene), view, guides)
-    assert torch.allclose(light.estimate(), light.traced, atol=1e-5) == is_inside

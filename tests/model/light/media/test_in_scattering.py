@@ -15,7 +15,7 @@ ACROSS = torch.tensor([[-3.0, 0.2, 0.1]]), torch.tensor([[3.0, 0.2, 0.1]])  # 2 
 
 
 def seen(scene, begin=ACROSS[0], end=ACROSS[1]) -> np.ndarray:
-    return DirectLight(scene).in_scattering(begin, end)[0].numpy()
+    return DirectLight(scene).in_scattering.towards_viewer(begin, end)[0].numpy()
 
 
 def foggy(scattering, sky=(0.5, 1.0, 2.0), **options):
