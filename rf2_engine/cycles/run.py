@@ -16,6 +16,8 @@ from ..runtime import failure
 from . import background as background_cycles
 from . import growing
 
+SIMULATIONS = "CLOTH", "COLLISION", "DYNAMIC_PAINT", "FLUID", "SOFT_BODY"  # types of modifiers
+
 Passes = dict[str, np.ndarray]  # of one view: {key: (H, W, C) f32}, row 0 on top
 
 
@@ -55,10 +57,20 @@ def renew(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> Non
     if engine.emptied:
         engine.emptied = False
         for evaluated in depsgraph.objects:
-            evaluated.original.update_tag(refresh={"DATA"})
+            if not _is_simulated(evaluated.original):
+                evaluated.original.update_tag(refresh={"DATA"})
         scene = depsgraph.scene_eval
         # A mere update would leave what is copied anew as the originals are: at the frame before an animation.
         evaluate_at(engine, depsgraph, scene.frame_current, scene.frame_subframe)
+
+
+def _is_simulated(thing: bpy.types.Object) -> bool:
+    """Whether an object is evaluated again with time, without a tag, after which Blender would throw away simulations
+    that are not baked, from disk too; one that others collide with would hand the tag on to them.
+    """
+    particles = any(system.settings.type != "HAIR" or system.use_hair_dynamics for system in thing.particle_systems)
+    is_field = thing.field is not None and thing.field.type != "NONE"
+    return particles or is_field or any(modifier.type in SIMULATIONS for modifier in thing.modifiers)
 
 
 def evaluate_at(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, frame: int, subframe: float) -> None:

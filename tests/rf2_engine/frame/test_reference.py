@@ -41,6 +41,33 @@ def test_the_reference_is_what_cycles_renders_and_our_picture_stays_what_it_was(
         np.testing.assert_allclose(found[name], alone[name], rtol=1e-4, atol=1e-5, err_msg=name)
 
 
+@pytest.mark.parametrize("blurred", [False, True])
+def test_particles_that_are_not_baked_are_in_both_pictures_and_stay(lit, tmp_path, blurred):
+    """They fall from above and rest on the ground: in a cache of memory, which Blender empties at any edit."""
+    ground = lit.objects["Cube"]
+    ground.modifiers.new("Ground", "COLLISION")
+    mesh = bpy.data.meshes.new("Above")
+    mesh.from_pydata([(-1, -1, 2), (1, -1, 2), (0, 1, 2)], [], [(0, 1, 2)])
+    above = bpy.data.objects.new("Above", mesh)
+    lit.collection.objects.link(above)
+    above.modifiers.new("Rain", "PARTICLE_SYSTEM")
+    rain = above.particle_systems[0].settings
+    rain.count, rain.frame_end, rain.lifetime, rain.render_type, rain.particle_size = 200, 1, 100, "OBJECT", 0.15
+    rain.instance_object = ground
+    lit.view_layers[0].update()
+    for frame in range(1, 6):
+        lit.frame_set(frame)
+    lit.camera.data.dof.use_dof = blurred
+    lit.renderformer_v2.reference.use = False
+    before = by_cycles(lit, tmp_path)["ViewLayer.Combined"]
+    lit.renderformer_v2.reference.use = not blurred
+    for _ in range(2):
+        found = press_f12(lit, tmp_path)
+        if not blurred:
+            np.testing.assert_array_equal(found[REFERENCE], before)
+    np.testing.assert_array_equal(by_cycles(lit, tmp_path)["ViewLayer.Combined"], before)
+
+
 def test_light_paths_and_samples_are_the_scenes_or_its_own(lit, tmp_path):
     lit.cycles.samples, lit.cycles.max_bounces, lit.cycles.sample_clamp_direct = 4, 3, 0.1
     chosen = lit.renderformer_v2.reference
