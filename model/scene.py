@@ -52,6 +52,8 @@ BOUNCES = 4, 4, 12, 12     # Blender's defaults: diffuse, glossy, transmission, 
 ANY = 255                  # bounces: no limit
 ALL_GROUPS = 2 ** 64 - 1   # of surfaces
 HALF_SPACE = 0.0, 1e-3     # cosines of a beam that is everything in front of a flat light
+STRAIGHT = 1.05            # ior up to which light passes without a bend
+MOSTLY = 0.5               # transmission from which on it does
 CELLS, VOXELS = 8, 4  # of a volume's box along each axis, and of a cell
 
 
@@ -267,6 +269,8 @@ class RenderScene:
                                          channels=TWO_LOBES, default="none")
     # Share of a tile's diffuse light that goes to the other side; None = nothing
     translucent: np.ndarray | None = array("T", default="none")
+    # Share of the light that passes a tile straight; None = what it transmits, if its IOR bends nothing
+    clear: np.ndarray | None = array("T", 3, behaves={COLOR: -1}, default="none")
     # Light group of what a triangle and the environment emit, counted from 1; 0 or None = none
     light_group: np.ndarray | None = array("N", dtype=np.int32, default="none")
     environment_group: np.ndarray | None = array(1, dtype=np.int32, default="none")
@@ -355,6 +359,15 @@ class RenderScene:
         return np.zeros(len(self.tiles), np.float32) if self.translucent is None else self.translucent
 
     @property
+    def tile_clear(self) -> np.ndarray:
+        """(T, 3) f32, as `clear`."""
+        if self.clear is not None:
+            return self.clear
+        means = self.tiles.mean(axis=(2, 3), dtype=np.float32)
+        passes = ((1 - means[:, METALLIC]) * means[:, TRANSMISSION] * (means[:, IOR] < STRAIGHT))[:, None]
+        return np.where(passes > MOSTLY, passes * tint_of_glass(means[:, BASE_COLOR]), 0).astype(np.float32)
+
+    @property
     def tile_lobes(self) -> np.ndarray:
         """(T, 7, 32, 32) f16, 0 where a tile has none; without any a view that takes no memory."""
         if self.two_lobes is not None:
@@ -382,8 +395,8 @@ class RenderScene:
     def appended(self, *others: RenderScene) -> RenderScene:
         """This scene with the triangles (and the tiles they use) of `others` behind its own."""
         scenes, tiles, count, geometries = [], 0, 0, []
-        optional = ("latents", "two_lobes", "translucent", "hidden", "camera_tile", "back_tile", "light_group", "glow",
-                    *SELDOM)
+        optional = ("latents", "two_lobes", "translucent", "clear", "hidden", "camera_tile", "back_tile", "light_group",
+                    "glow", *SELDOM)
         absent = [name for name in optional
                   if all(getattr(scene, name) is None for scene in (self, *others))]
         for scene in (self, *others):
@@ -395,7 +408,7 @@ class RenderScene:
                                   **{name: scene.seldom(name) for name in SELDOM if name != "shadow_tile"},
                                   light_group=scene.light_groups, glow=scene.surface_glow,
                                   latents=scene.tile_latents, two_lobes=scene.tile_lobes,
-                                  translucent=scene.tile_translucence))
+                                  translucent=scene.tile_translucence, clear=scene.tile_clear))
             surfaces = scene.surfaces
             geometries.append(replace(surfaces, token=surfaces.token + np.int32(count)))
             tiles, count = tiles + len(scene.tiles), count + len(scene)

@@ -6,11 +6,11 @@ from enum import IntFlag, auto
 
 import numpy as np
 
-from .scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, RenderScene
+from .scene import BASE_COLOR, METALLIC, MOSTLY, TRANSMISSION, RenderScene
 
 BLACK = 1e-3         # base colour up to which a surface that no camera sees is the back of a lamp
-TRANSPARENT = 0.5    # transmission from which on light passes
-STRAIGHT = 1.05      # ior up to which light passes without a bend
+TRANSPARENT = MOSTLY  # transmission from which on light passes what bends it
+THIN = 0.03          # the same of what bends nothing
 
 
 class Ray(IntFlag):
@@ -54,15 +54,26 @@ REFLECTING = SOLID | BENDING | STRAIGHT_THROUGH
 
 def token_kinds(scene: RenderScene) -> np.ndarray:
     """(N,) i32, the Kind of each token triangle."""
-    means = scene.tiles[:, (TRANSMISSION, IOR, METALLIC)].mean(axis=(2, 3), dtype=np.float32)
-    transmission, ior, metallic = means[scene.tile_index].T
+    passes, is_clear = _passing(scene)[scene.tile_index], clear_tiles(scene)[scene.tile_index]
     black = (scene.tiles[:, BASE_COLOR].max(axis=(1, 2, 3), initial=0) < BLACK)[scene.tile_index]
-    passes, is_seen, is_light = transmission * (1 - metallic) > TRANSPARENT, scene.is_seen, scene.is_light
-    straight = passes & (ior < STRAIGHT)
-    cases = ((is_light & is_seen & straight, Kind.FLAME), (is_light & is_seen, Kind.EMITTER), (is_light, Kind.LAMP),
-             (straight & is_seen, Kind.CUTOUT), (passes & is_seen, Kind.GLASS), (is_seen, Kind.OPAQUE),
-             (passes & ~straight, Kind.UNSEEN_GLASS), (black, Kind.BACK), (straight, Kind.UNSEEN_CUTOUT))
+    mostly, is_seen, is_light = passes > TRANSPARENT, scene.is_seen, scene.is_light
+    cases = ((is_light & is_seen & is_clear & mostly, Kind.FLAME),
+             (is_light & is_seen, Kind.EMITTER), (is_light, Kind.LAMP),
+             (is_clear & is_seen, Kind.CUTOUT), (mostly & is_seen, Kind.GLASS), (is_seen, Kind.OPAQUE),
+             (mostly & ~is_clear, Kind.UNSEEN_GLASS), (black, Kind.BACK), (is_clear, Kind.UNSEEN_CUTOUT))
     return np.select([case for case, _ in cases], [int(kind) for _, kind in cases], int(Kind.UNSEEN)).astype(np.int32)
+
+
+def clear_tiles(scene: RenderScene) -> np.ndarray:
+    """(T,) bool: tiles of which some light passes straight, and less is bent."""
+    clear = scene.tile_clear.mean(axis=1)
+    return (clear > THIN) & (clear > _passing(scene) / 2)
+
+
+def _passing(scene: RenderScene) -> np.ndarray:
+    """(T,) share of the light that passes tiles, straight or not."""
+    transmission, metallic = scene.tiles[:, (TRANSMISSION, METALLIC)].mean(axis=(2, 3), dtype=np.float32).T
+    return transmission * (1 - metallic)
 
 
 def is_kind(kinds: np.ndarray, kind: Kind) -> np.ndarray:

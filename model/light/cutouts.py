@@ -9,8 +9,9 @@ from torch import Tensor
 from ..rays import Rays
 from ..scene import BASE_COLOR, METALLIC, TRANSMISSION, RenderScene, tint_of_glass
 from ..scene_rays import scene_rays
-from ..surface_kinds import STRAIGHT_THROUGH, Ray
-from .tensor_rays import TensorRays
+from ..surface_kinds import STRAIGHT_THROUGH, Ray, is_kind, token_kinds
+from .sampling import hashed_starts
+from .tensor_rays import TensorHits, TensorRays
 
 LAYERS = 8    # that dim a ray
 CLEAR = 0.98  # tint from which on a surface is not there
@@ -34,7 +35,7 @@ class Cutouts:
         if not len(rows):
             return None
         tile = np.where(passed < 0, scene.tile_index, passed)[scene.surfaces.token[rows]]
-        tint = tile_tints(scene)[tile]
+        tint = scene.tile_clear[tile]
         dims = (tint < CLEAR).any(axis=1)
         if not dims.any():
             return None
@@ -54,6 +55,43 @@ class Cutouts:
             row, origin, direction, distance = (x[hit] for x in (row, origin, direction, distance))
             travelled = travelled[hit] + GAP
         return share
+
+
+class Veils:
+    """The same surfaces where rays look for what they meet: as much of it as is not clear, by chance."""
+
+    def __init__(self, clear: Tensor, token: Tensor):
+        """clear: (N + 1, 3) share of each colour that passes token triangles straight; token: (G + 1,), of geometry."""
+        self._share = clear.mean(1)
+        self._tint, self._token = clear / self._share[:, None].clamp_min(1e-9), token
+
+    @classmethod
+    def of(cls, scene: RenderScene, device: torch.device | str) -> Veils | None:
+        """None where there are none."""
+        rays = scene_rays(scene)
+        if not len(rays.rows(STRAIGHT_THROUGH, Ray.DIFFUSE)):
+            return None
+        clear = scene.tile_clear[scene.tile_index] * is_kind(token_kinds(scene), STRAIGHT_THROUGH)[:, None]
+        rows = np.append(scene.surfaces.token, -1)
+        return cls(*(torch.from_numpy(x).to(device) for x in (np.pad(clear, ((0, 1), (0, 0))), rows)))
+
+    def pass_some(self, surfaces: TensorRays, origin: Tensor, direction: Tensor,
+                  hits: TensorHits) -> tuple[TensorHits, Tensor]:
+        """What rays (N, 3) that have found `hits` find behind those that they pass, and the colour (N, 3) of these."""
+        triangle, distance, weights = (x.clone() for x in hits)
+        tint, row = torch.ones_like(direction), torch.arange(len(origin), device=origin.device)
+        for _ in range(LAYERS):
+            token = self._token[triangle[row]]
+            point = origin[row] + torch.where(triangle[row] < 0, 0, distance[row])[:, None] * direction[row]
+            passes = (hashed_starts(point, 1)[:, 0] < self._share[token]).nonzero()[:, 0]  # waits for a GPU
+            if not len(passes):
+                break
+            row, token = row[passes], token[passes]
+            tint[row] *= self._tint[token]
+            travelled = distance[row] + GAP
+            behind = surfaces.nearest(origin[row] + travelled[:, None] * direction[row], direction[row])
+            triangle[row], distance[row], weights[row] = behind.triangle, behind.distance + travelled, behind.weights
+        return TensorHits(triangle, distance, weights), tint
 
 
 def tile_tints(scene: RenderScene) -> np.ndarray:

@@ -164,7 +164,7 @@ def _evaluated(material: Material | None, mesh: TriangleMesh, instance: Instance
         surface, _ = MaterialTiles(Report()).evaluate(material, points)
         color = surface.base_color + surface.emission
     color = np.nan_to_num(_first(color, len(row))).clip(0, BRIGHTEST)
-    return color, _first(surface.clear, len(row))[:, 0]
+    return color, _first(surface.clear, len(row)).mean(axis=1)
 
 
 def _first(values: np.ndarray, count: int) -> np.ndarray:

@@ -61,6 +61,16 @@ def test_every_surface_is_of_one_kind():
         "OPAQUE", "GLASS", "CUTOUT", "EMITTER", "LAMP", "BACK", "UNSEEN"]
 
 
+@pytest.mark.parametrize("clear, transmission, ior, kind", [
+    (0.3, 0.3, 1.4, Kind.CUTOUT), (0.8, 0.9, 1.1, Kind.CUTOUT), (0.01, 0.01, 1.4, Kind.OPAQUE),
+    (0.1, 0.9, 1.4, Kind.GLASS)])
+def test_a_surface_that_more_light_passes_straight_than_bent_is_cut_out(clear, transmission, ior, kind):
+    """Whatever the IOR in between is, of a leaf and of the holes in its card."""
+    scene = at_height(1, transmission=transmission, ior=ior)
+    scene.clear = np.full((len(scene.tiles), 3), clear, np.float32)
+    assert (token_kinds(scene) == int(kind)).all()
+
+
 def test_rays_pass_the_surfaces_that_are_hidden_from_them():
     upper = replace(at_height(2), hidden=np.full(2, Ray.SHADOW | Ray.DIFFUSE, np.uint8))
     rays = scene_rays(at_height(1).appended(upper))

@@ -12,8 +12,8 @@ from torch.nn import functional as F
 from ...progress import part
 from ...scene import RenderScene
 from ...scene_rays import scene_rays
-from ...surface_kinds import BENDING, SOLID, Kind, Ray
-from ..cutouts import Cutouts
+from ...surface_kinds import BENDING, SOLID, STRAIGHT_THROUGH, Kind, Ray
+from ..cutouts import Veils
 from ..direct.direct_light import DirectLight
 from ..direct.environment_light import LIFT, EnvironmentLight
 from ..edge_stopping import dot
@@ -111,11 +111,13 @@ class GatherScene:
         self.fog = direct.fog
         self.environments = {Ray.DIFFUSE: direct.environment, Ray.GLOSSY: direct.sky_seen_by(Ray.GLOSSY)}
         self._media = direct.in_scattering
-        self.cutouts = Cutouts.of(scene, Ray.DIFFUSE, device)
+        self._veils = Veils.of(scene, device)
         self.panes = None
         with part(0.0, 0.5):
-            stopping = {Ray.DIFFUSE: SOLID | Kind.EMITTER | (Kind(0) if self._refracts else BENDING),
-                        Ray.GLOSSY: SOLID | Kind.EMITTER}
+            opaque = SOLID | Kind.EMITTER
+            stopping = {Ray.DIFFUSE: opaque | STRAIGHT_THROUGH | (Kind(0) if self._refracts else BENDING),
+                        Ray.GLOSSY: opaque | STRAIGHT_THROUGH}
+            self._opaque = TensorRays(rays.among(opaque, Ray.DIFFUSE))
             self.surfaces = {ray: TensorRays(rays.among(kinds, ray)) for ray, kinds in stopping.items()}
         if len(rays.rows(BENDING, Ray.DIFFUSE)):
             with part(0.5, 1.0):
@@ -145,7 +147,9 @@ class GatherScene:
         total, direction = direction.shape[1], direction.reshape(-1, 3)
         origin = position[:, None].expand(-1, total, -1).reshape(-1, 3)
         with part(0.0, 0.7):
-            hits = self.surfaces[ray].nearest(origin, direction)
+            hits, straight = self.surfaces[ray].nearest(origin, direction), None
+            if self._veils is not None:
+                hits, straight = self._veils.pass_some(self.surfaces[ray], origin, direction, hits)
         distance, piece = hits.distance, self._locator.find(hits.triangle, hits.weights)
         side = self._sides(piece, direction)
         tint, sky, fire, behind_glass = torch.ones_like(distance)[:, None], distance.isinf(), None, None
@@ -156,11 +160,11 @@ class GatherScene:
             if with_media:
                 begin = hashed_starts(position, 2) if start is None else start
                 some = _some(end.view(-1, total, 3)[:, :rays], FOG_RAYS, begin[:, 1])
-                of_media = position, normal, some, begin, self.surfaces[ray].is_blocked
+                of_media = position, normal, some, begin, self._opaque.is_blocked
                 through += self._media.to_surfaces.diffuse(*of_media)
                 fire = self._media.fire and self._media.fire.diffuse(*of_media)
-        if self.cutouts is not None:
-            tint = tint * self.cutouts.transmittance(origin, direction, distance)
+        if straight is not None:
+            tint = tint * straight
         if self.panes is not None and (self._refracts or ray == Ray.GLOSSY):
             with part(0.7, 1.0):
                 row, light, transmittance = self.panes.sky_through(origin, direction, distance)

@@ -18,7 +18,7 @@ from ...geometry import area_vectors, surfaces
 from ...material.reflectance import blurred, normal_reflectance
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
 from ...scene_rays import scene_rays
-from ...surface_kinds import BENDING, BOUNCED, REFLECTING, SOLID, is_kind
+from ...surface_kinds import BENDING, BOUNCED, REFLECTING, SOLID, STRAIGHT_THROUGH, clear_tiles, is_kind
 from ..direct.emitter_light import NearEmitters
 from ..fresnel import layer_albedo
 from ..sampling import R2, hashed_starts, triangle_weights
@@ -32,6 +32,7 @@ NEAR_EMITTER = 0.03  # the same from an emitter
 BY_EMITTERS = 0.5    # share of all patches that is distributed by the distance to emitters
 SPLIT_AT_ONCE = 64   # triangles that are split before the largest are searched again
 TRANSMITTED = 0.5    # share of a glass's light that spreads to either side like that of a diffuse lobe
+LEAST_SOLID = 0.02   # share of a surface through which light passes straight
 LEAST_ALONG = 0.2    # of a shading normal along the normal
 STEEP = 0.7          # of the glossy light of metals: emitters light most surfaces more steeply than uniform light
 CUT = 0.5            # triangles that may be added where walls cut through others, as a share of the patches
@@ -52,7 +53,7 @@ class Patches:
     patch: Tensor    # (T,) i64, row of the patch that a triangle belongs to
     corners: Tensor  # (T, 3, 3) f32
     normals: Tensor  # (T, 3, 3) f32, shading normals at the corners
-    solid: Tensor    # (T,) bool, stops light
+    solid: Tensor    # (T,) bool, stops light that does not pass it straight
     group: np.ndarray  # (S,) u8, of surfaces (RenderScene.group)
     weight: Tensor   # (S,) f32, area, weighted by how near the scene's middle and the emitters are
     locator: PieceLocator  # of the T triangles
@@ -107,14 +108,14 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
         openness.cut(subdivision, round(CUT * most))
     corners, source = subdivision.pieces()
     token = scene.surfaces.token[source]
-    means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
+    means, translucence = _solid_means(scene)
     material = np.concatenate([tile_albedo(means), _layer(means)], axis=1)
     material = np.concatenate([material[scene.tile_index], material[scene.tile_behind],
-                               scene.tile_translucence[scene.tile_index][:, None], scene.surface_glow], axis=1)
+                               translucence[scene.tile_index][:, None], scene.surface_glow], axis=1)
     element, largest = group_elements(corners, token, patch_density(scene.triangles.mean(axis=1), emitters))
     vector = _sums(area_vectors(corners), element)
     center, token = corners[largest].mean(axis=1), token[largest]
-    solid, glass = (is_kind(kinds[source], some) for some in (SOLID, BENDING))
+    solid, glass = (is_kind(kinds[source], some) for some in (SOLID | STRAIGHT_THROUGH, BENDING))
     is_open = openness.kinds(corners[largest]) if openness else np.zeros(len(center), np.int64)
     group = scene.seldom("group")[token]
     apart = is_open + (is_open.max(initial=0) + 1) * group  # no patch is of two groups
@@ -131,6 +132,17 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
 def _sums(values: np.ndarray, group: np.ndarray) -> np.ndarray:
     """(E, C) f32 sums of values (T, C) by their group (T,)."""
     return np.stack([np.bincount(group, column) for column in values.T], axis=1).astype(np.float32)
+
+
+def _solid_means(scene: RenderScene) -> tuple[np.ndarray, np.ndarray]:
+    """(T, 11) mean parameters of tiles, and (T,) how translucent they are; where light passes straight, of the rest."""
+    means, translucence = scene.tiles.mean(axis=(2, 3), dtype=np.float32), scene.tile_translucence
+    is_clear, clear = clear_tiles(scene), scene.tile_clear
+    rest = (1 - clear.mean(axis=1)).clip(LEAST_SOLID)
+    base = ((means[:, BASE_COLOR] - clear) / rest[:, None]).clip(0, 1)
+    means[:, BASE_COLOR] = np.where(is_clear[:, None], base, means[:, BASE_COLOR])
+    means[:, TRANSMISSION] = np.where(is_clear, 0, means[:, TRANSMISSION])
+    return means, np.where(is_clear, (translucence / rest).clip(0, 1), translucence)
 
 
 def tile_albedo(means: np.ndarray) -> np.ndarray:

@@ -36,14 +36,14 @@ class Closure:
     ior: np.ndarray = None
     normal: np.ndarray = None        # (..., 3)
     emission: np.ndarray = None      # (..., 3) radiance
-    clear: np.ndarray = None         # (..., 1) share of the light that goes straight through
+    clear: np.ndarray = None         # (..., 3) share of the light that goes straight through
     translucent: np.ndarray = None   # (..., 1) by luminance, of what sends its light to the other side
     holdout: np.ndarray = None       # (..., 1) share that is cut out of the film
 
     def __post_init__(self):
         for f in fields(self):
             if getattr(self, f.name) is None:
-                setattr(self, f.name, BLACK if f.name in ("color", "normal", "emission") else ZERO)
+                setattr(self, f.name, BLACK if f.name in ("color", "normal", "emission", "clear") else ZERO)
 
     def __add__(self, other: Closure) -> Closure:
         return Closure(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
@@ -84,7 +84,7 @@ def window(color) -> Closure:
     Principled tints by the root of its base colour: the colour is squared.
     """
     closure = lobe(color ** 2, roughness=ZERO, transmission=ONE)
-    closure.clear = np.clip(color, 0, 1).mean(axis=-1, keepdims=True)
+    closure.clear = np.clip(color, 0, 1)
     return closure
 
 
@@ -94,7 +94,7 @@ def parameters(closure: Closure) -> SurfaceParameters:
         return np.where(weight > 0, total / np.where(weight > 0, weight, 1), default).astype(np.float32)
 
     ior, transmission = mean(closure.ior, closure.weight, 1.0), mean(closure.transmission, closure.lobe, 0.0)
-    is_glass = (transmission > TRANSPARENT) & (closure.clear < TRANSPARENT)
+    is_glass = (transmission > TRANSPARENT) & (closure.clear.mean(axis=-1, keepdims=True) < TRANSPARENT)
     return SurfaceParameters(
         base_color=np.clip(closure.color, 0, BRIGHTEST).astype(np.float32),
         metallic=mean(closure.metallic, closure.lobe, 0.0), roughness=mean(closure.roughness, closure.gloss, 1.0),

@@ -45,6 +45,7 @@ CLEAR = 0.95                 # a triangle that lets more light straight through 
 ONE_TRIANGLE = TriangleMesh(np.eye(3, dtype=np.float32)[None], np.full((1, 3, 3), 3 ** -0.5, np.float32), {}, None, {},
                             None, np.zeros(1, np.int32), np.float32([(0, 0, 0), (1, 1, 1)]))
 NO_LATENT = (0.0,) * 9
+OPAQUE = np.zeros(4, np.float32)  # as `passing` below
 EMITTER_TILE = constant_tile(base_color=(1, 1, 1), roughness=1, ior=1)
 
 
@@ -56,7 +57,7 @@ class MaterialTiles:
         self.report, self.baker, self.keeps_lobes = report, baker, keeps_lobes
         self._chunks: list[np.ndarray] = []
         self._latents: list[np.ndarray] = []
-        self._translucent: list[np.ndarray] = []
+        self._passing: list[np.ndarray] = []  # (T, 4): `translucent`, and `clear`
         self._lobes: list[np.ndarray | int] = []  # of a chunk, or how many tiles it has without any
         self._count = 0
         self._constant: dict[tuple, int] = {}
@@ -81,8 +82,14 @@ class MaterialTiles:
     @property
     def translucent(self) -> np.ndarray | None:
         """(T,) f32 of these tiles (model/scene.py); None where all are 0."""
-        translucent = np.concatenate([np.zeros(0, np.float32), *self._translucent])
+        translucent = np.concatenate([np.zeros((0, 4), np.float32), *self._passing])[:, 0]
         return translucent if translucent.any() else None
+
+    @property
+    def clear(self) -> np.ndarray | None:
+        """(T, 3) f32 likewise."""
+        clear = np.concatenate([np.zeros((0, 4), np.float32), *self._passing])[:, 1:]
+        return clear if clear.any() else None
 
     @property
     def two_lobes(self) -> np.ndarray | None:
@@ -119,23 +126,25 @@ class MaterialTiles:
                 lobes = two_lobes(material, points)
             emission[part] = self.report.finite(material.name, "its emission", mean_over_triangle(surface.emission))
             tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
-            translucent = mean_over_triangle(surface.translucent)[..., 0]
+            translucent, straight = map(mean_over_triangle, (surface.translucent, surface.clear))
+            many = max(len(x) if x.ndim > 1 else 1 for x in (translucent, straight))
+            passing = np.concatenate([np.broadcast_to(translucent, (many, 1)), np.broadcast_to(straight, (many, 3))], 1)
             own = None if lobes is None else lobe_arrays(lobes, len(tiles))
             if own is not None and len(own) > len(tiles):  # only what the surface is made of in between is the same
                 tiles = np.repeat(tiles, len(own), axis=0)
             reflects |= surface.base_color.any()
-            nothing[part] = mean_over_triangle(surface.clear)[..., 0] > clear
+            nothing[part] = straight.mean(axis=-1) > clear
             if not is_homogeneous(surface):
                 self._varying.add(material)
             if len(tiles) == 1 and part.stop - start > 1 and surface.emission.ndim == 1 and surface.clear.ndim == 1:
-                index[:] = self.constant_index(tiles[0], material.latent, own, translucent)
+                index[:] = self.constant_index(tiles[0], material.latent, own, passing[0])
                 emission[:], nothing[:] = emission[start], nothing[start]
                 break
             if len(tiles) == 1:
-                index[part] = self.constant_index(tiles[0], material.latent, own, translucent.mean())
+                index[part] = self.constant_index(tiles[0], material.latent, own, passing.mean(axis=0))
             else:
                 index[part] = np.arange(self._count, self._count + len(tiles))
-                self._append(tiles, material.latent, own, translucent)
+                self._append(tiles, material.latent, own, passing)
         emission[_is_negligible(emission.max(axis=1), areas(mesh.corners))] = 0
         emitters = emission.max(axis=1) >= EMITTER_RADIANCE
         if emitters.any():
@@ -151,7 +160,8 @@ class MaterialTiles:
         if material is None:
             return np.zeros(len(mesh))
         surface, _ = self.evaluate(material, surface_points(mesh, instance, ray=Ray.CAMERA))
-        through = surface.clear + (1 - surface.clear) * surface.transmission * (surface.roughness <= smooth)
+        straight = surface.clear.mean(axis=-1, keepdims=True)
+        through = straight + (1 - straight) * surface.transmission * (surface.roughness <= smooth)
         return np.broadcast_to(mean_over_triangle(through)[..., 0], len(mesh))
 
     def cuts_holes(self, material: Material | None, mesh: TriangleMesh, instance: Instance) -> np.ndarray:
@@ -214,17 +224,17 @@ class MaterialTiles:
         return None
 
     def constant_index(self, tile: np.ndarray, latent: tuple[float, ...] | None = None,
-                       lobes: np.ndarray | None = None, translucent: np.ndarray | float = 0.0) -> int:
-        """The row of a tile (11, 32, 32) f16, one for all that are equal."""
-        key = tile.tobytes(), latent, lobes if lobes is None else lobes.tobytes(), float(np.mean(translucent))
+                       lobes: np.ndarray | None = None, passing: np.ndarray = OPAQUE) -> int:
+        """The row of a tile (11, 32, 32) f16, one for all that are equal; passing: (4,), translucent and clear."""
+        key = tile.tobytes(), latent, lobes if lobes is None else lobes.tobytes(), tuple(map(float, passing))
         if key not in self._constant:
             self._constant[key] = self._count
-            self._append(tile[None], latent, lobes, np.mean(translucent))
+            self._append(tile[None], latent, lobes, passing)
         return self._constant[key]
 
     def _append(self, tiles: np.ndarray, latent: tuple[float, ...] | None, lobes: np.ndarray | None,
-                translucent: np.ndarray) -> None:
-        self._translucent.append(np.broadcast_to(np.float32(translucent), len(tiles)))
+                passing: np.ndarray) -> None:
+        self._passing.append(np.broadcast_to(np.float32(passing), (len(tiles), 4)))
         self._lobes.append(len(tiles) if lobes is None else lobes)
         self._chunks.append(tiles)
         self._latents.append(np.tile(np.float32(latent or NO_LATENT), (len(tiles), 1)))

@@ -42,6 +42,18 @@ def test_triangles_that_are_clear_are_left_out_and_others_are_clear_where_alpha_
     np.testing.assert_array_equal(mixed[IOR][mixed[TRANSMISSION] == 1], 1)
 
 
+def test_tiles_say_how_much_of_each_colour_goes_straight_through():
+    leaf, tree, shader = material(Base_Color=(0.1, 0.6, 0.2, 1))
+    cut_out(leaf, tree, shader)
+    pane, _, _ = material("ShaderNodeBsdfTransparent", Color=(0.8, 0.4, 0.2, 1))
+    glass, _, _ = material(Transmission_Weight=1.0)
+    tiles = MaterialTiles(Report())
+    across = np.array([(0, 0), (1, 0), (0, 1)], np.float32)
+    index = np.concatenate([tiles.triangle_tiles(copied(made), triangles(1, [across]))[0]
+                            for made in (leaf, pane, glass)])
+    np.testing.assert_allclose(tiles.clear[index], [(0.75, 0.75, 0.75), (0.8, 0.4, 0.2), (0, 0, 0)], atol=0.02)
+
+
 def test_half_an_alpha_lets_through_half_of_the_light():
     made, _, _ = material(Base_Color=(0.2, 0.2, 0.2, 1), Alpha=0.5, Specular_IOR_Level=0.0, Roughness=1.0)
     tile, _ = tile_of(made)
