@@ -113,7 +113,7 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
     holds "traced" (H, W, 3), the radiance of direct light and of what smooth mirrors and glass show, without emitters
     seen directly, denoised where Blender can, "noise" (H, W, 3), what the denoiser took away, if the view layer wants
     the noisy picture, and the light passes (never denoised) of passes.needed_light; where shadow catchers catch
-    also "combined", as with Light.ALL.
+    always "noise", and "combined" as with Light.ALL.
     `groups`: passes of light groups that the result shall hold too: all light of the session, noisy, with emitters and
     world seen directly, in a transparent film as well.
     With Light.ALL the scene's own bounces are used and the result also holds "combined" (denoised by OpenImageDenoise
@@ -134,7 +134,7 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
     lobes = {Light.ALL: pass_table.LIGHTING, Light.NONE: (),
              Light.TRACED: pass_table.needed_light(view_layer, pass_table.LIGHTING)}[light]
     layer_name, requested = view_layer.name, [*pass_table.session_passes(view_layer, lobes), *groups]
-    if groups and pass_table.NOISY not in requested:
+    if (groups or model.catchers is Catchers.CATCH) and pass_table.NOISY not in requested:
         requested.append(pass_table.NOISY)
     if model.catchers is Catchers.CATCH and pass_table.SHADOW_CATCHER.is_ticked(view_layer):
         requested.append(pass_table.SHADOW_CATCHER)
@@ -175,7 +175,7 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
         share = rendered.get(pass_table.SAMPLE_COUNT.key)
         rendered["samples"] = np.zeros_like(rendered["alpha"]) + sampling.counts(share)
         seen = ["emission", "environment"] if model.opaque_film else ["emission"]
-        if light is not Light.ALL and model.is_blurred:
+        if light is not Light.ALL and model.is_blurred and model.catchers is not Catchers.CATCH:
             _denoise_seen(rendered, seen)
         if light is Light.TRACED:
             rendered["traced"] = _not_seen(rendered, seen)

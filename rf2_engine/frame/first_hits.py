@@ -6,7 +6,7 @@ import functools
 import time
 from collections.abc import Iterable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from ...model.camera import visible_pixels
 from ...model.first_hits import denoise_media
 from ...model.first_hits.from_passes import clear_outside, guides_from_passes, guides_without_triangles
 from ...model.light.specular.ends import add_path_ends
+from ...model.light_passes import Lobes
 from ...model.scene import Guides, RenderScene, View
 from ..convert.camera.lens import Lens
 from ..convert.meshes.nearest import NearestTriangles
@@ -38,7 +39,7 @@ CYCLES_SHARE = 0.8  # of the time for first hits; the rest finds the triangles b
 class FirstHits:
     """First hits of the whole picture of one view; opacity and shadows as in output.composite."""
 
-    passes: Passes  # of cycles_session.render_views
+    passes: Passes  # of cycles_session.render_views, where there are shadow catchers with what is seen (output.py)
     guides: Guides
     opacity: np.ndarray | None
     shadows: CaughtShadows | None
@@ -59,6 +60,18 @@ class FirstHits:
             picture[self.outside, 3] = 1
         return picture
 
+    def shown(self, lobes: Lobes) -> tuple[Guides, Lobes]:
+        """The guides and light that passes are made of.
+
+        As in Cycles' passes, shadow catchers have colours and emission, but no light; an opaque film has the world
+        behind them, without the shadows that Combined has.
+        """
+        if self.shadows is None:
+            return self.guides, lobes
+        guides = replace(self.guides, **{key: self.passes[key] for key in output.EMITTED})
+        seen = guides.emission if self.opacity is None else guides.emission + guides.environment
+        return guides, lobes.scaled_to((self.composite(lobes.radiance, 1.0)[..., :3] - seen).clip(0))
+
 
 def render_first_hits(layer: Layer, scene: RenderScene, views: dict[str, View],
                       passes: dict[str, Passes]) -> tuple[dict[str, FirstHits], Optics]:
@@ -68,12 +81,12 @@ def render_first_hits(layer: Layer, scene: RenderScene, views: dict[str, View],
     pinhole if they were for nothing but glass, and no glass is visible.
     """
     optics, settings = layer.optics, layer.settings
-    opacity, shadows, hits = _render_opacity(layer, views), _render_shadows(layer, views), {}
+    opacity, catching, hits = _render_opacity(layer, views), _render_catchers(layer, views), {}
     with layer.plan.enter(FIRST_HITS):
         rendered = _run_session(layer, scene, _film(layer), optics.rays_of_picture(settings.sampling), views)
         for name, view_passes in rendered.items():
             passes[name] |= output.first_hit_passes(view_passes, settings.exposure)
-            passes[name] |= _shadow_catcher_pass(shadows[name], view_passes)
+            passes[name] |= _shadow_catcher_pass(catching[name], view_passes)
         if optics and optics.samples == 1 and not any(
                 view_passes["transmission_color"].any() for view_passes in rendered.values()):
             optics = Optics()
@@ -86,8 +99,10 @@ def render_first_hits(layer: Layer, scene: RenderScene, views: dict[str, View],
                 with progress.part(*_remaining_share(CYCLES_SHARE, number, len(views))):
                     guides = _make_guides(layer, clear_outside(view_passes, outside), scene, view)
                 view_passes |= {key: getattr(guides, key) for key in denoise_media.PASSES}  # less noisy through smoke
-                passes[name] |= output.first_hit_passes(view_passes, settings.exposure)
-            hits[name] = FirstHits(view_passes, guides, opacity[name], shadows[name], outside)
+            if shadows := catching[name] and _caught_shadows(*catching[name], guides.alpha[..., None]):
+                view_passes = shadows.over(view_passes)
+            passes[name] |= output.first_hit_passes(view_passes, settings.exposure)
+            hits[name] = FirstHits(view_passes, guides, opacity[name], shadows, outside)
     return hits, optics
 
 
@@ -182,8 +197,8 @@ def _render_opacity(layer: Layer, views: dict[str, View]) -> dict[str, np.ndarra
     return {name: passes["alpha"][..., 0] for name, passes in rendered.items()}
 
 
-def _render_shadows(layer: Layer, views: Iterable[str]) -> dict[str, CaughtShadows | None]:
-    """What shadow catchers show, if there are any."""
+def _render_catchers(layer: Layer, views: Iterable[str]) -> dict[str, tuple[Passes, np.ndarray] | None]:
+    """If there are shadow catchers, the passes with what they show, and (H, W, 1) the coverage by everything else."""
     if not layer.optics.shadow_catchers:
         return dict.fromkeys(views)
     model, settings, sessions = layer.optics.camera_model(), layer.settings, []
@@ -193,14 +208,25 @@ def _render_shadows(layer: Layer, views: Iterable[str]) -> dict[str, CaughtShado
         with layer.plan.enter(CATCHERS), layer.status.during_cycles("Shadow catchers {}"):
             sessions.append(_render_all_samples(layer, light, session_model))
     without, caught = sessions
-    return {name: CaughtShadows(passes["combined"], without[name]["alpha"][..., 0], passes.get(SHADOW_CATCHER.key))
-            for name, passes in caught.items()}
+    return {name: (passes, without[name]["alpha"]) for name, passes in caught.items()}
 
 
-def _shadow_catcher_pass(shadows: CaughtShadows | None, rendered: Passes) -> Passes:
+def _caught_shadows(passes: Passes, coverage: np.ndarray, alpha: np.ndarray) -> CaughtShadows:
+    """Of a view, alpha (H, W, 1) being the coverage with catchers.
+
+    Along their edges before the world the picture is as the samples have it: there the denoiser leaves dashes.
+    """
+    share = ((alpha - coverage) / alpha.clip(1e-6)).clip(0, 1)
+    noise = passes.get("noise", np.zeros_like(passes["emission"]))
+    kept = np.where((share > 0) & (coverage == 0) & (alpha < 1), noise, 0)
+    combined = passes["combined"] + np.pad(kept, ((0, 0), (0, 0), (0, 1)))
+    return CaughtShadows(passes | {"combined": combined, "noise": noise - kept}, share)
+
+
+def _shadow_catcher_pass(catching: tuple[Passes, np.ndarray] | None, rendered: Passes) -> Passes:
     """The pass, 1 where nothing catches; with another Light there is none in the render result to be filled."""
-    if shadows is not None and shadows.factor is not None:
-        return {SHADOW_CATCHER.key: shadows.factor}
+    if catching is not None and SHADOW_CATCHER.key in catching[0]:
+        return {SHADOW_CATCHER.key: catching[0][SHADOW_CATCHER.key]}
     return {SHADOW_CATCHER.key: np.broadcast_to(np.float32(1), rendered["emission"].shape)}
 
 

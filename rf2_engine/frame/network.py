@@ -34,10 +34,14 @@ class Picture:
     tokens: int = 0  # of the scene that was encoded last; 0 without a transformer
 
     @classmethod
+    def lit(cls, hits: FirstHits, lobes: Lobes, exposure: float, tokens: int) -> Picture:
+        """The picture of first hits with that light."""
+        return cls(hits.composite(lobes.radiance, exposure), *hits.shown(lobes), tokens)
+
+    @classmethod
     def unlit(cls, hits: FirstHits, exposure: float) -> Picture:
         """The picture before the network has added anything."""
-        black = np.zeros((*hits.guides.alpha.shape, 3), np.float32)
-        return cls(hits.composite(black, exposure), hits.guides, Lobes(black))
+        return cls.lit(hits, Lobes(np.zeros((*hits.guides.alpha.shape, 3), np.float32)), exposure, 0)
 
 
 class LayerNetwork:
@@ -83,7 +87,7 @@ class LayerNetwork:
         layer.status.sample = name and f"View {name}"
         encoded = self._encode(view)
         lobes = self._light(encoded, view, hits.guides)
-        picture = Picture(hits.composite(lobes.radiance, layer.settings.exposure), hits.guides, lobes, encoded.tokens)
+        picture = Picture.lit(hits, lobes, layer.settings.exposure, encoded.tokens)
         if layer.settings.network.has_lobes and hits.shadows is None:
             picture = self._smooth_edges(encoded, picture, hits, view.wraps)
         layer.status.sample = ""
@@ -119,8 +123,8 @@ class LayerNetwork:
                     mean.add(lobes[name], sample_hits[name][1])
                 show(light_so_far())
         status.sample = ""
-        return {name: Picture(hits[name].composite(lobes.radiance, layer.settings.exposure), hits[name].guides, lobes,
-                              encoded.tokens) for name, lobes in light_so_far().items()}
+        return {name: Picture.lit(hits[name], lobes, layer.settings.exposure, encoded.tokens)
+                for name, lobes in light_so_far().items()}
 
     def _encode(self, view: View):
         """The scene after stage 1, for this view and others of the same size."""

@@ -23,9 +23,13 @@ ERROR_COLORS = np.array([[0.6, 0.0, 0.4, 1.0], [0.05, 0.0, 0.04, 1.0]], np.float
 class CaughtShadows(NamedTuple):
     """What shadow catchers show."""
 
-    picture: np.ndarray   # (H, W, 4) Combined of a session in which they catch, premultiplied
-    coverage: np.ndarray  # (H, W) by everything else, as visible with them
-    factor: np.ndarray | None = None  # (H, W, 3) Shadow Catcher, where that pass is requested
+    passes: dict[str, np.ndarray]  # of a session in which they catch; "combined" (H, W, 4) is premultiplied
+    share: np.ndarray              # (H, W, 1) of what covers the pixel, that they are
+
+    def over(self, rendered: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """`rendered` passes of Cycles, those of emitters and light with what is seen where catchers are."""
+        return rendered | {key: np.where(self.share > 0, self.passes[key], pixels) for key, pixels in rendered.items()
+                           if key in (*EMITTED, *pass_table.LIGHTING, "noise")}
 
 
 def composite(radiance: np.ndarray, guides: Guides, opacity: np.ndarray | None, shadows: CaughtShadows | None,
@@ -41,8 +45,9 @@ def composite(radiance: np.ndarray, guides: Guides, opacity: np.ndarray | None, 
         color, alpha = color + guides.environment, opacity
     picture = np.dstack([color, alpha])
     if shadows is not None:
-        share = 1 - shadows.coverage / guides.alpha.clip(1e-6)  # of what covers the pixel, that catchers are
-        picture += share.clip(0, 1)[..., None] * (shadows.picture - picture)
+        bounced = (1 - shadows.share) * (radiance - guides.traced).clip(0)  # of all else, which was not traced
+        picture = np.where(shadows.share > 0, shadows.passes["combined"] + np.pad(bounced, ((0, 0), (0, 0), (0, 1))),
+                           picture)
     return (picture * (exposure, exposure, exposure, 1)).astype(np.float32)
 
 

@@ -71,6 +71,25 @@ def test_the_recipe_holds_for_every_view_layer_and_film_inside_a_border(asked, t
     assert not np.array_equal(*(of["combined"] for of in layers))
 
 
+@pytest.mark.parametrize("transparent", [False, True])
+def test_of_shadow_catchers_the_passes_have_what_those_of_cycles_have(asked, tmp_path, transparent):
+    asked.objects["Floor"].is_shadow_catcher, asked.render.film_transparent = True, transparent
+    found = by_key(press_f12(asked, tmp_path))
+    shadows = recipe(found) - found["combined"][..., :3] - (found["environment"] if transparent else 0)
+    if transparent:  # but for what the denoiser takes from emitters beside them
+        assert (np.abs(shadows) < 1e-4).mean() > 0.99 and np.abs(shadows).mean() < 1e-3
+    else:  # the world behind them is without their shadows there
+        assert shadows.min() > -2e-3 and shadows.max() > 0.01 and (shadows.max(-1) < 1e-3).mean() > 0.3
+    asked.cycles.diffuse_bounces = 0
+    cycles = by_key(with_cycles(asked, tmp_path))
+    np.testing.assert_allclose(found["environment"], cycles["environment"], atol=1e-3)
+    np.testing.assert_allclose(found["emission"], cycles["emission"], atol=1e-3)
+    is_dark = cycles["diffuse_direct"].max(-1) == 0
+    assert (is_dark & (cycles["diffuse_color"].max(-1) > 0.1)).mean() > 0.1  # the floor
+    assert found["diffuse_direct"][is_dark].mean() < 0.01
+    assert found["diffuse_direct"].mean() == pytest.approx(cycles["diffuse_direct"].mean(), rel=0.1)
+
+
 def test_the_picture_does_not_depend_on_what_is_asked(asked, tmp_path):
     with_light = press_f12(asked, tmp_path)["ViewLayer.Combined"]
     for p in passes.PASSES:
