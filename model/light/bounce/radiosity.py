@@ -20,7 +20,7 @@ from ...scene import ANY, RenderScene
 from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, Ray
 from ..caustics.photon_map import PhotonMap
-from ..caustics.photons import Photons, trace_photons
+from ..caustics.photons import Photons, lit_surfaces, trace_photons
 from ..direct.direct_light import DirectLight
 from ..direct.environment_light import LIFT
 from ..effort import FULL, Effort
@@ -166,7 +166,7 @@ class Radiosity:
         photons = Photons(*(torch.from_numpy(x).to(area.device) for x in trace_photons(scene, direct, count)))
         side = self.gather_scene.hit_sides(photons.triangle, photons.weights, photons.direction)
         flux.index_add_(0, side, photons.flux)
-        return (PhotonMap(photons.position, photons.normal, photons.flux),
+        return (PhotonMap(photons.position, photons.normal, photons.flux, lit_surfaces(scene)),
                 flux[:-1] / (math.pi * area.clamp_min(1e-20).repeat(2)[:, None]))
 
     def diffuse(self, position: Tensor, normal: Tensor, number: Tensor | None = None, effort: Effort = FULL,

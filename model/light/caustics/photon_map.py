@@ -5,31 +5,45 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional as F
+
+from .surface_elements import near_photons, surface_elements
 
 SPACINGS = 0.016, 0.032, 0.064  # network units between the nodes of the grids
 ENOUGH = 120.0  # photons on the area of a node from which on a grid twice as fine is used
 THIN, THICKER = 4e-3, 0.25  # thickness of a layer of nodes: network units, and the share of the spacing added
 ALONG = 0.4     # component of a normal from which on its surface is in the grids across that axis
+ELEMENT = 0.75  # of the spacing, length of the elements by which the area of surfaces is measured
 BITS = 20, 16   # of the coordinates of a node in its layer, and of the layer
 
 
 class _Grid(NamedTuple):
-    """Sorted nodes (K,) i64 near photons; flux and number of photons (K + 1, 4), the last row is 0 for other nodes."""
+    """Sorted nodes (K,) i64 near photons; the last row of the light is 0, for other nodes."""
 
     spacing: float
     node: Tensor
-    light: Tensor
+    light: Tensor  # (K + 1, 5) flux and number of photons, area of the surfaces
 
 
 class PhotonMap:
     """Photons on the surfaces where they ended; all in network units, on one device (Jensen 1996)."""
 
-    def __init__(self, position: Tensor, normal: Tensor, flux: Tensor):
-        """position, normal (unit, of the side that is lit), flux: (N, 3)."""
-        self.grids = [_grid(position, normal, F.pad(flux, (0, 1), value=1.0), spacing) for spacing in SPACINGS]
+    def __init__(self, position: Tensor, normal: Tensor, flux: Tensor, surfaces: np.ndarray | None = None):
+        """position, normal (unit, of the side that is lit), flux: (N, 3).
+
+        surfaces: (G, 3, 3) triangles that photons can end on; without any, all are large and flat.
+        """
+        near = np.zeros((0, 3, 3), np.float32) if surfaces is None else near_photons(
+            surfaces, position.cpu().numpy(), 2 * SPACINGS[-1])
+        light, self.grids = F.pad(F.pad(flux, (0, 1), value=1.0), (0, 1)), []
+        for spacing in SPACINGS:
+            middle, up, area = (torch.from_numpy(x).to(flux) for x in surface_elements(near, ELEMENT * spacing))
+            area = F.pad(area[:, None], (4, 0))
+            self.grids.append(_grid(torch.cat([position, middle, middle]), torch.cat([normal, up, -up]),
+                                    torch.cat([light, area, area]), spacing))
 
     @classmethod
     def empty(cls, like: Tensor) -> PhotonMap:
@@ -55,7 +69,7 @@ class PhotonMap:
 
 
 def _grid(position: Tensor, normal: Tensor, light: Tensor, spacing: float) -> _Grid:
-    """A grid of photons (N, 3) with flux and number `light` (N, 4), in layers across their surface's main axes."""
+    """A grid of photons and elements (N, 3) with `light` (N, 5), in layers across their surface's main axes."""
     nodes, parts = [], []
     for axis in range(3):
         photon = (normal[:, axis].abs() > ALONG).nonzero()[:, 0]
@@ -63,18 +77,23 @@ def _grid(position: Tensor, normal: Tensor, light: Tensor, spacing: float) -> _G
         nodes.append(node.flatten())
         parts.append((weight[..., None] * light[photon, None]).flatten(0, 1))
     node, row = (x.to(light.device) for x in torch.cat(nodes).cpu().unique(return_inverse=True))  # wrong on Macs' GPUs
-    return _Grid(spacing, node, light.new_zeros(len(node) + 1, 4).index_add_(0, row, torch.cat(parts)))
+    return _Grid(spacing, node, light.new_zeros(len(node) + 1, 5).index_add_(0, row, torch.cat(parts)))
 
 
 def _look_up(grid: _Grid, position: Tensor, normal: Tensor) -> tuple[Tensor, Tensor]:
-    """Radiance (P, 3) at points with unit normals (P, 3), and number of photons (P,) on the area of a node."""
+    """Radiance (P, 3) at points with unit normals (P, 3), and number of photons (P,) on the area of a node.
+
+    Small and curved surfaces have only a part of a node's area in the layers around them.
+    """
     axis = normal.abs().argmax(-1)
     node, weight = _nodes(position, normal, axis, grid.spacing, layers=2)
     row = torch.searchsorted(grid.node, node).clamp(max=len(grid.node) - 1)
     row = torch.where(grid.node[row] == node, row, len(grid.node))
     light = (grid.light[row] * weight[..., None]).sum(1)
-    cosine = normal.abs().gather(1, axis[:, None])
-    return light[:, :3] * cosine / (math.pi * grid.spacing**2), light[:, 3]
+    flux, count, area = light.split([3, 1, 1], 1)
+    flat = grid.spacing**2 / normal.abs().gather(1, axis[:, None])
+    area = torch.where(area > 0, torch.minimum(area, flat), flat)  # what lies on a surface takes no light from above it
+    return flux / (math.pi * area), count[:, 0]
 
 
 def _nodes(position: Tensor, normal: Tensor, axis: Tensor, spacing: float, layers: int) -> tuple[Tensor, Tensor]:

@@ -70,6 +70,12 @@ def trace_photons(scene: RenderScene, direct: DirectLight, count: int) -> Photon
     return Photons(*map(np.concatenate, zip(*landed, strict=True)))
 
 
+def lit_surfaces(scene: RenderScene) -> np.ndarray:
+    """(L, 3, 3) triangles that photons end on, and glass, most of which is dark."""
+    rays = scene_rays(scene)
+    return scene.surfaces.triangles[np.append(rays.rows(SOLID, Ray.TRANSMISSION), rays.rows(BENDING, Ray.DIFFUSE))]
+
+
 def _emit(corners: np.ndarray, direct: DirectLight, panes: RaysAmong,
           chance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The M of N photons, one for each row of chance (N, 2), that reach glass without a hit before.

@@ -36,6 +36,15 @@ def pane(height: float, thickness: float, half: float = 1.0) -> np.ndarray:
     return sides * np.float32((half, half, thickness / 2)) + np.float32((0, 0, height))
 
 
+def ball(radius: float, segments=24) -> np.ndarray:
+    """(4 segments^2, 3, 3) of a sphere around the origin."""
+    theta, phi = np.linspace(0, np.pi, segments + 1), np.linspace(0, 2 * np.pi, 2 * segments + 1)
+    at = lambda i, j: (np.sin(theta[i]) * np.cos(phi[j]), np.sin(theta[i]) * np.sin(phi[j]),  # noqa: E731
+                       np.cos(theta[i]))
+    return np.float32([t for i in range(segments) for j in range(2 * segments) for t in (
+        (at(i, j), at(i + 1, j), at(i + 1, j + 1)), (at(i, j), at(i + 1, j + 1), at(i, j + 1)))]) * radius
+
+
 def light_on_floor(scene: RenderScene) -> torch.Tensor:
     """(3,) radiance of the middle of a floor, if it were white, by photons."""
     return Radiosity(scene, DirectLight(scene)).caustics.radiance(AROUND, UP.expand(100, 3)).mean(0)
@@ -57,6 +66,30 @@ def test_photons_that_lie_evenly_light_a_surface_evenly_however_it_is_turned(nor
     torch.testing.assert_close(found * torch.pi, torch.tensor([[1.0, 2.0, 3.0]]).expand(500, 3), rtol=0.05, atol=0)
     assert photons.radiance(points, -normals).abs().max() == 0  # the other side is dark
     assert photons.radiance(points + normal, normals).abs().max() == 0  # and what is above
+
+
+@pytest.mark.parametrize("radius", [0.15, 0.03, 0.006])
+def test_photons_light_small_balls_as_much_as_large_ones(radius):
+    count, random = 20000, np.random.default_rng(0)
+    corners = ball(radius)
+    area = np.linalg.norm(area_vectors(corners), axis=1)
+    row = random.choice(len(corners), count, p=area / area.sum())
+    weights = random.dirichlet((1, 1, 1), count)
+    at, normal = np.einsum("nk,nkc->nc", weights, corners[row]), unit(area_vectors(corners))[row]
+    at, normal = torch.from_numpy(np.float32(at)), torch.from_numpy(normal)
+    found = PhotonMap(at, normal, torch.full((count, 3), area.sum() / count), corners).radiance(at[:999], normal[:999])
+    torch.testing.assert_close(found.mean(0) * torch.pi, torch.ones(3), rtol=0.05, atol=0)
+    assert found.std() < 0.2 * found.mean()
+
+
+@pytest.mark.parametrize(("half", "border"), [(0.2, 1.0), (1e4, 0.5)])
+def test_photons_at_a_border_of_a_surface_light_all_of_it_and_fade_where_it_goes_on(half, border):
+    at = F.pad(torch.rand(20000, 2, generator=torch.Generator().manual_seed(0)) * 0.4 - 0.2, (0, 1))
+    corners = half * np.float32([[(-1, -1, 0), (1, -1, 0), (1, 1, 0)], [(-1, -1, 0), (1, 1, 0), (-1, 1, 0)]])
+    photons = PhotonMap(at, UP.expand(20000, 3), torch.full((20000, 3), 0.16 / 20000), corners)
+    along = torch.stack([torch.full((100,), 0.1999), torch.linspace(-0.15, 0.15, 100), torch.zeros(100)], 1)
+    found = photons.radiance(along, UP.expand(100, 3)).mean().item() * np.pi
+    assert found == pytest.approx(border, abs=0.12)
 
 
 def test_few_photons_are_spread_far_and_many_stay_where_they_are():
@@ -90,16 +123,10 @@ def test_a_lamp_in_glass_is_as_bright_outside_as_it_is_inside(monkeypatch):
 
 
 def test_a_ball_gathers_light_and_a_blurred_one_less():
-    def ball(segments=24) -> np.ndarray:
-        theta, phi = np.linspace(0, np.pi, segments + 1), np.linspace(0, 2 * np.pi, 2 * segments + 1)
-        at = lambda i, j: (np.sin(theta[i]) * np.cos(phi[j]), np.sin(theta[i]) * np.sin(phi[j]),  # noqa: E731
-                           np.cos(theta[i]))
-        return np.float32([t for i in range(segments) for j in range(2 * segments) for t in (
-            (at(i, j), at(i + 1, j), at(i + 1, j + 1)), (at(i, j), at(i + 1, j + 1), at(i, j + 1)))]) * 0.1
     floor, found = floor_scene(), []
     unshaded = DirectLight(floor).diffuse(MIDDLE, UP)[0, 0].item()
-    normals = ball().reshape(-1, 3, 3) / 0.1
-    scene = floor.appended(of_glass(ball() + np.float32((0, 0, 0.17))))
+    normals = ball(1)
+    scene = floor.appended(of_glass(ball(0.1) + np.float32((0, 0, 0.17))))
     scene.normals[len(floor):] = normals
     for blurred in (0.02, reflectance.BLURRED):
         with pytest.MonkeyPatch.context() as patched:
