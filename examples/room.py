@@ -100,28 +100,30 @@ def choose_engine():
     bpy.context.scene.render.engine = "RENDERFORMER_V2"
 
 
+def save(file):
+    """The scene, with our engine chosen, in a .blend file, whose folder is made."""
+    choose_engine()
+    file.parent.mkdir(parents=True, exist_ok=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(file.absolute()), compress=True)
+
+
 def save_scenes(builders, finish=lambda: None):
     """Write OUT_DIR/NAME.blend of the scenes that the command line names after OUT_DIR, or of all, and end the process.
 
     finish: sets what all of them have in common.
     """
-    folder, names = Path(sys.argv[1]).absolute(), sys.argv[2:]
-    folder.mkdir(parents=True, exist_ok=True)
+    folder, names = Path(sys.argv[1]), sys.argv[2:]
     for builder in builders:
         if not names or builder.__name__ in names:
             builder()
             finish()
-            choose_engine()
-            bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{builder.__name__}.blend"), compress=True)
+            save(folder / f"{builder.__name__}.blend")
     sys.stdout.flush()
     os._exit(0)
 
 
 if __name__ == "__main__":
     build()
-    choose_engine()
-    file = Path(sys.argv[1]).absolute()
-    file.parent.mkdir(parents=True, exist_ok=True)
-    bpy.ops.wm.save_as_mainfile(filepath=str(file), compress=True)
+    save(Path(sys.argv[1]))
     sys.stdout.flush()
     os._exit(0)

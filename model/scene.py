@@ -52,8 +52,8 @@ BOUNCES = 4, 4, 12, 12     # Blender's defaults: diffuse, glossy, transmission, 
 ANY = 255                  # bounces: no limit
 ALL_GROUPS = 2 ** 64 - 1   # of surfaces
 HALF_SPACE = 0.0, 1e-3     # cosines of a beam that is everything in front of a flat light
-STRAIGHT = 1.05            # ior up to which light passes without a bend
-MOSTLY = 0.5               # transmission from which on it does
+TRANSPARENT = 0.5          # transmission from which on light passes
+STRAIGHT = 1.05            # ior up to which it passes without a bend
 CELLS, VOXELS = 8, 4  # of a volume's box along each axis, and of a cell
 
 
@@ -363,9 +363,10 @@ class RenderScene:
         """(T, 3) f32, as `clear`."""
         if self.clear is not None:
             return self.clear
-        means = self.tiles.mean(axis=(2, 3), dtype=np.float32)
-        passes = ((1 - means[:, METALLIC]) * means[:, TRANSMISSION] * (means[:, IOR] < STRAIGHT))[:, None]
-        return np.where(passes > MOSTLY, passes * tint_of_glass(means[:, BASE_COLOR]), 0).astype(np.float32)
+        clear, rows = np.zeros((len(self.tiles), 3), np.float32), np.flatnonzero(passing(self.tiles) > TRANSPARENT)
+        rows = rows[self.tiles[rows, IOR].mean(axis=(1, 2), dtype=np.float32) < STRAIGHT]
+        clear[rows] = tile_tints(self.tiles[rows])
+        return clear
 
     @property
     def tile_lobes(self) -> np.ndarray:
@@ -428,6 +429,17 @@ def constant_tile(base_color=(0.8, 0.8, 0.8), metallic=0.0, roughness=1.0, ior=1
     tile[METALLIC], tile[ROUGHNESS], tile[IOR], tile[TRANSMISSION] = metallic, roughness, ior, transmission
     tile[NORMAL] = np.reshape((0.0, 0.0, 1.0), (3, 1, 1))
     return tile
+
+
+def passing(tiles: np.ndarray) -> np.ndarray:
+    """(T,) f32 mean share of light that passes tiles (T, 11, 32, 32), straight or not, whatever their colour."""
+    transmission, metallic = tiles[:, (TRANSMISSION, METALLIC)].mean(axis=(2, 3), dtype=np.float32).T
+    return (1 - metallic) * transmission
+
+
+def tile_tints(tiles: np.ndarray) -> np.ndarray:
+    """(T, 3) f32 the same of each colour."""
+    return passing(tiles)[:, None] * tint_of_glass(tiles[:, BASE_COLOR].mean(axis=(2, 3), dtype=np.float32))
 
 
 def tint_of_glass(base_color: np.ndarray) -> np.ndarray:

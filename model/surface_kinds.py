@@ -6,11 +6,10 @@ from enum import IntFlag, auto
 
 import numpy as np
 
-from .scene import BASE_COLOR, METALLIC, MOSTLY, TRANSMISSION, RenderScene
+from .scene import BASE_COLOR, TRANSPARENT, RenderScene, passing
 
 BLACK = 1e-3         # base colour up to which a surface that no camera sees is the back of a lamp
-TRANSPARENT = MOSTLY  # transmission from which on light passes what bends it
-THIN = 0.03          # the same of what bends nothing
+THIN = 0.03          # share of light up to which none passes straight
 
 
 class Ray(IntFlag):
@@ -54,9 +53,10 @@ REFLECTING = SOLID | BENDING | STRAIGHT_THROUGH
 
 def token_kinds(scene: RenderScene) -> np.ndarray:
     """(N,) i32, the Kind of each token triangle."""
-    passes, is_clear = _passing(scene)[scene.tile_index], clear_tiles(scene)[scene.tile_index]
+    mostly, is_clear = (of_tiles[scene.tile_index] for of_tiles in (
+        passing(scene.tiles) > TRANSPARENT, clear_tiles(scene).any(axis=1)))
     black = (scene.tiles[:, BASE_COLOR].max(axis=(1, 2, 3), initial=0) < BLACK)[scene.tile_index]
-    mostly, is_seen, is_light = passes > TRANSPARENT, scene.is_seen, scene.is_light
+    is_seen, is_light = scene.is_seen, scene.is_light
     cases = ((is_light & is_seen & is_clear & mostly, Kind.FLAME),
              (is_light & is_seen, Kind.EMITTER), (is_light, Kind.LAMP),
              (is_clear & is_seen, Kind.CUTOUT), (mostly & is_seen, Kind.GLASS), (is_seen, Kind.OPAQUE),
@@ -65,15 +65,14 @@ def token_kinds(scene: RenderScene) -> np.ndarray:
 
 
 def clear_tiles(scene: RenderScene) -> np.ndarray:
-    """(T,) bool: tiles of which some light passes straight, and less is bent."""
-    clear = scene.tile_clear.mean(axis=1)
-    return (clear > THIN) & (clear > _passing(scene) / 2)
-
-
-def _passing(scene: RenderScene) -> np.ndarray:
-    """(T,) share of the light that passes tiles, straight or not."""
-    transmission, metallic = scene.tiles[:, (TRANSMISSION, METALLIC)].mean(axis=(2, 3), dtype=np.float32).T
-    return transmission * (1 - metallic)
+    """(T, 3) share of each colour that passes tiles straight; 0 where that is next to nothing, or more is bent."""
+    clear = scene.tile_clear
+    share = clear.mean(axis=1)
+    rows = np.flatnonzero(share > THIN)
+    rows = rows[share[rows] > passing(scene.tiles[rows]) / 2]
+    result = np.zeros_like(clear)
+    result[rows] = clear[rows]
+    return result
 
 
 def is_kind(kinds: np.ndarray, kind: Kind) -> np.ndarray:

@@ -7,9 +7,9 @@ import torch
 from torch import Tensor
 
 from ..rays import Rays
-from ..scene import BASE_COLOR, METALLIC, TRANSMISSION, RenderScene, tint_of_glass
+from ..scene import RenderScene
 from ..scene_rays import scene_rays
-from ..surface_kinds import STRAIGHT_THROUGH, Ray, is_kind, token_kinds
+from ..surface_kinds import STRAIGHT_THROUGH, Ray, clear_tiles, is_kind
 from .sampling import hashed_starts
 from .tensor_rays import TensorHits, TensorRays
 
@@ -35,7 +35,7 @@ class Cutouts:
         if not len(rows):
             return None
         tile = np.where(passed < 0, scene.tile_index, passed)[scene.surfaces.token[rows]]
-        tint = scene.tile_clear[tile]
+        tint = clear_tiles(scene)[tile]
         dims = (tint < CLEAR).any(axis=1)
         if not dims.any():
             return None
@@ -68,12 +68,13 @@ class Veils:
     @classmethod
     def of(cls, scene: RenderScene, device: torch.device | str) -> Veils | None:
         """None where there are none."""
-        rays = scene_rays(scene)
-        if not len(rays.rows(STRAIGHT_THROUGH, Ray.DIFFUSE)):
+        token = scene.surfaces.token
+        veils = np.unique(token[is_kind(scene_rays(scene).trees.kinds, STRAIGHT_THROUGH)])
+        if not len(veils):
             return None
-        clear = scene.tile_clear[scene.tile_index] * is_kind(token_kinds(scene), STRAIGHT_THROUGH)[:, None]
-        rows = np.append(scene.surfaces.token, -1)
-        return cls(*(torch.from_numpy(x).to(device) for x in (np.pad(clear, ((0, 1), (0, 0))), rows)))
+        clear = np.zeros((len(scene) + 1, 3), np.float32)
+        clear[veils] = clear_tiles(scene)[scene.tile_index[veils]]
+        return cls(*(torch.from_numpy(x).to(device) for x in (clear, np.append(token, -1))))
 
     def pass_some(self, surfaces: TensorRays, origin: Tensor, direction: Tensor,
                   hits: TensorHits) -> tuple[TensorHits, Tensor]:
@@ -92,9 +93,3 @@ class Veils:
             behind = surfaces.nearest(origin[row] + travelled[:, None] * direction[row], direction[row])
             triangle[row], distance[row], weights[row] = behind.triangle, behind.distance + travelled, behind.weights
         return TensorHits(triangle, distance, weights), tint
-
-
-def tile_tints(scene: RenderScene) -> np.ndarray:
-    """(T, 3) f32 mean share of light that passes a surface with each tile."""
-    means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
-    return (1 - means[:, METALLIC, None]) * means[:, TRANSMISSION, None] * tint_of_glass(means[:, BASE_COLOR])

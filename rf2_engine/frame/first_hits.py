@@ -219,8 +219,7 @@ def _caught_shadows(passes: Passes, coverage: np.ndarray, alpha: np.ndarray) -> 
     share = ((alpha - coverage) / alpha.clip(1e-6)).clip(0, 1)
     noise = passes.get("noise", np.zeros_like(passes["emission"]))
     kept = np.where((share > 0) & (coverage == 0) & (alpha < 1), noise, 0)
-    combined = passes["combined"] + np.pad(kept, ((0, 0), (0, 0), (0, 1)))
-    return CaughtShadows(passes | {"combined": combined, "noise": noise - kept}, share)
+    return CaughtShadows(passes | {"combined": output.lit(passes["combined"], kept), "noise": noise - kept}, share)
 
 
 def _shadow_catcher_pass(catching: tuple[Passes, np.ndarray] | None, rendered: Passes) -> Passes:

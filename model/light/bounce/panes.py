@@ -8,10 +8,9 @@ from torch import Tensor
 
 from ...geometry import area_vectors, unit
 from ...progress import part
-from ...scene import IOR, ROUGHNESS, RenderScene
+from ...scene import IOR, ROUGHNESS, RenderScene, tile_tints
 from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, Ray
-from ..cutouts import tile_tints
 from ..direct.environment_light import BLUR, EnvironmentLight
 from ..edge_stopping import dot
 from ..tensor_rays import TensorRays
@@ -52,7 +51,7 @@ class Panes:
         points = torch.from_numpy(scene.surfaces.triangles[rays.rows(BENDING, Ray.DIFFUSE)]).to(device).flatten(0, 1)
         self.center = (points.amin(0) + points.amax(0)) / 2  # of a sphere around all glass
         self.radius = (points - self.center).norm(dim=-1).max()
-        tint = tile_tints(scene)[scene.tile_index]
+        tint = tile_tints(scene.tiles)[scene.tile_index]
         of_glass = tint[scene.surfaces.token[rays.rows(BENDING, Ray.DIFFUSE)]]
         self.have_colors = bool((np.ptp(of_glass, axis=1) > GREY).any())
         normal = unit(area_vectors(scene.surfaces.triangles)).astype(np.float32)

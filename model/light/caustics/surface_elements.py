@@ -2,10 +2,9 @@
 """Small parts of the surfaces near photons, by which their area is measured."""
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 
+from ...clusters import cell_index, group_key
 from ...geometry import area_vectors
 
 MOST = 1 << 18  # elements; of more, some are drawn by their area
@@ -63,12 +62,6 @@ def _edges(corners: np.ndarray) -> np.ndarray:
 
 def _beside(corners: np.ndarray, position: np.ndarray, size: float) -> np.ndarray:
     """Those of triangles (M, 3, 3) whose middles are in cells of a size that hold photons (N, 3), or next to one."""
-    lit = np.unique(np.floor(position / size), axis=0)
-    lit = _cells(np.concatenate([lit + step for step in product((-1, 0, 1), repeat=3)]))
-    return corners[np.isin(_cells(np.floor(corners.mean(axis=1) / size)), lit)]
-
-
-def _cells(cell: np.ndarray) -> np.ndarray:
-    """(N,) i64 numbers of cells (N, 3)."""
-    x, y, z = (cell.clip(-1 << 19, (1 << 19) - 1).astype(np.int64) + (1 << 19)).T
-    return (x << 40) + (y << 20) + z
+    steps = np.indices((3, 3, 3)).reshape(3, 1, -1) - 1
+    lit = (np.unique(cell_index(position, size), axis=1)[..., None] + steps).reshape(3, -1)
+    return corners[np.isin(group_key(*cell_index(corners.mean(axis=1), size)), group_key(*lit))]

@@ -103,8 +103,7 @@ class DirectLight:
     @cached_property
     def in_scattering(self) -> InScattering | None:
         """Light that the scene's media scatter; None without media."""
-        return None if self.fog is None else InScattering(
-            self.fog, self.sky_radiance_in_air, self.emitters)
+        return None if self.fog is None else InScattering(self.fog, self.sky_radiance_in_air, self.emitters)
 
     def visibility(self, position: Tensor, normal: Tensor, start: Tensor | None = None,
                    sky_rays: int = SKY_RAYS) -> Visibility:

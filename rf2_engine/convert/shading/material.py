@@ -82,14 +82,17 @@ class MaterialTiles:
     @property
     def translucent(self) -> np.ndarray | None:
         """(T,) f32 of these tiles (model/scene.py); None where all are 0."""
-        translucent = np.concatenate([np.zeros((0, 4), np.float32), *self._passing])[:, 0]
+        translucent = self._all_passing()[:, 0]
         return translucent if translucent.any() else None
 
     @property
     def clear(self) -> np.ndarray | None:
         """(T, 3) f32 likewise."""
-        clear = np.concatenate([np.zeros((0, 4), np.float32), *self._passing])[:, 1:]
+        clear = self._all_passing()[:, 1:]
         return clear if clear.any() else None
+
+    def _all_passing(self) -> np.ndarray:
+        return np.concatenate([np.zeros((0, len(OPAQUE)), np.float32), *self._passing])
 
     @property
     def two_lobes(self) -> np.ndarray | None:
