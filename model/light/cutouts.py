@@ -68,8 +68,9 @@ class Veils:
     @classmethod
     def of(cls, scene: RenderScene, device: torch.device | str) -> Veils | None:
         """None where there are none."""
-        token = scene.surfaces.token
-        veils = np.unique(token[is_kind(scene_rays(scene).trees.kinds, STRAIGHT_THROUGH)])
+        token, kinds = scene.surfaces.token, scene_rays(scene).trees.kinds
+        # Rays may be shared with a scene to which lamps have been appended, which no ray meets.
+        veils = np.unique(token[:len(kinds)][is_kind(kinds, STRAIGHT_THROUGH)])
         if not len(veils):
             return None
         clear = np.zeros((len(scene) + 1, 3), np.float32)
