@@ -33,17 +33,18 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     estimates of it that are right in different places, and the share of either is all that the network decides:
     factors that were learnt from few scenes are wrong in others. For the same reason the transformer's are of light
     without rays only; by rays it says how far the estimate is to be trusted without what pixels would change. Where
-    the user lets no light bounce, which training never did, traced light is believed and nothing is added.
+    the user lets no light bounce, which training never did, or lamps shine otherwise than estimates know, traced light
+    is believed and nothing is added.
     """
     light, raw = view.light, raw.float()
     untraced = 1 - light.is_traced.view(-1, 1, 1, 1)
-    may_bounce = view.may_bounce.view(-1, 1, 1, 1)
-    share = (raw[:, OUTPUTS["share"]] + raw[:, OUTPUTS["trust"]]).tanh() * may_bounce
+    is_known = view.is_known.view(-1, 1, 1, 1)
+    share = (raw[:, OUTPUTS["share"]] + raw[:, OUTPUTS["trust"]]).tanh() * is_known
     raw = raw * untraced
     direct, indirect = (raw[:, OUTPUTS[name]].unflatten(1, (3, 3)) for name in ("direct", "indirect"))
     direct = factor(direct) if is_inference() and light.is_by_rays() else with_shadows(direct, raw, view)
     indirect = factor(indirect)
-    missing = (added(raw[:, OUTPUTS["missing"]]) * may_bounce).unflatten(1, (3, 3))
+    missing = (added(raw[:, OUTPUTS["missing"]]) * is_known).unflatten(1, (3, 3))
     of_all = (raw[:, OUTPUTS["log_factor"]] * (1 - light.has_rays.view(-1, 1, 1, 1))).exp()
     in_media = view.surface[:, SURFACE["alpha"]] * view.has_media.view(-1, 1, 1, 1)
     fields = {"bounced": 0, "reflected": 1, "refracted": 2, "behind": 2}  # by lobe

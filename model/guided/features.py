@@ -62,7 +62,7 @@ class GuidedView(ViewInputs):
     light: SurfaceLight
     exposure: Tensor = array("V")                          # factor on network exposure
     has_media: Tensor = array("V")                         # 1 if the scene has media, whose light no lobe explains
-    may_bounce: Tensor = array("V")                        # 1 if light bounces off matte surfaces, as in training
+    is_known: Tensor = array("V")  # 1 if estimates know all light: it may bounce, and lamps shine as they say
     emitters: Tensor = array("V", STRONGEST, len(EMITTER), "H", "W", channels=EMITTERS)  # of each pixel, or 0
 
     def features(self, rows: slice = slice(None)) -> Tensor:
@@ -106,7 +106,7 @@ def guided_view(light: SceneLight, view: View, guides: Guides, config: ModelConf
                       surface=_surface(surfaces, position, bundles, noise, config.patch_size),
                       seen=seen * exposure, light=exposed, exposure=exposure,
                       has_media=torch.full_like(exposure, light.direct.fog is not None),
-                      may_bounce=torch.full_like(exposure, _may_bounce(light.scene)),
+                      is_known=torch.full_like(exposure, _is_known(light.scene)),
                       emitters=_emitters(light, surfaces))
 
 
@@ -120,9 +120,9 @@ def _emitters(light: SceneLight, surfaces: HitSurfaces) -> Tensor:
     return strongest.permute(1, 2, 0).unflatten(-1, (height, width))[None]
 
 
-def _may_bounce(scene: RenderScene) -> bool:
+def _is_known(scene: RenderScene) -> bool:
     most = scene.most_bounces
-    return most["diffuse"] > 0 and most["all"] > 0
+    return most["diffuse"] > 0 and most["all"] > 0 and not scene.seldom("is_rough_guess").any()
 
 
 def samples_of(guides: Guides) -> np.ndarray:

@@ -21,7 +21,7 @@ from ..scene import Guides, RenderScene, View
 from .bounce.pixels import diffuse_bounces, glossy_bounces, light_behind, outgoing_radiance
 from .bounce.radiosity import Radiosity
 from .direct.direct_light import DirectLight
-from .direct.footprints import footprints
+from .direct.footprints import footprints, roughness_within
 from .direct.pixels import direct_light
 from .edges import find_edges
 from .effort import FULL, Effort
@@ -89,7 +89,8 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     with part(0.02, 0.3):
         bounced, sky, fire = diffuse_bounces(radiosity, probes, filters, effort, with_direct)
     with part(0.3, 0.4):
-        gloss = glossy_bounces(radiosity, probes, surfaces, filters, effort, is_traced, with_direct)
+        mirrors = replace(surfaces, roughness=roughness_within(surfaces))
+        gloss = glossy_bounces(radiosity, probes, mirrors, filters, effort, is_traced, with_direct)
     with part(0.4, 0.5):
         passes = surfaces.transmission.amax(-1, keepdim=True) > 0
         with_chains = bounced
@@ -102,11 +103,11 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
         behind = light_behind(outgoing, probes, rise, filters, passes)
     path_ends = partial(path_end_light, make_probes, outgoing, filters, direct.device)
     with part(0.5, 0.6):
-        mirrored, has_end = reflected_light(guides, surfaces, direct, path_ends)
+        mirrored, has_end = reflected_light(guides, mirrors, direct, path_ends, gloss.highlights)
     with part(0.6, 0.7):
         refracted = refracted_light(guides, surfaces, direct, path_ends, with_direct)
     dark = torch.zeros_like(bounced)
-    sharp = (1 - blur(surfaces.roughness)[..., None]) * has_end
+    sharp = (1 - blur(mirrors.roughness)[..., None]) * has_end
     common = _materials(surfaces) | {"is_traced": dark.new_full((1,), float(is_traced)), "has_rays": dark.new_ones(1)}
 
     def surface_light(bounced: Tensor, glossy: Tensor, kind: str, **other: Tensor) -> SurfaceLight:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from ...model.pictures import HALF_MAX
+from ...model.pictures import HALF_MAX, box_sums
 from .. import compat
 from .. import passes as pass_table
 from ..convert.copying.visibility import catching_hosts, shadow_catchers
@@ -34,6 +34,9 @@ ALWAYS = {
     "cycles.use_auto_tile": True,
     "cycles.tile_size": 8192,  # Cycles' largest
 }
+BESIDE = 2         # pixels from an emitter, as far as the denoiser smooths its edge
+AROUND = 5         # and as far as light is compared with
+MOST_AROUND = 3.0  # times that light, at most
 PIXELS_PER_THREAD = 65536  # of a tile: a fraction of a second for each sample
 FIRST_HITS_ONLY = {
     "cycles.device": "CPU",  # a few samples do not pay for loading GPU kernels
@@ -178,7 +181,7 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
         if light is not Light.ALL and model.is_blurred and model.catchers is not Catchers.CATCH:
             _denoise_seen(rendered, seen)
         if light is Light.TRACED:
-            rendered["traced"] = _not_seen(rendered, seen)
+            rendered["traced"] = _without_edges(_not_seen(rendered, seen), rendered["emission"])
         elif light is Light.NONE and model.is_blurred:  # there is no light, so it is what noise has left out
             rendered["emission"] = rendered["emission"] + _not_seen(rendered, seen)
         if pass_table.NOISY.key in rendered:
@@ -199,6 +202,19 @@ def _denoise_seen(rendered: Passes, seen: list[str]) -> None:
 def _not_seen(rendered: Passes, seen: list[str]) -> np.ndarray:
     """(H, W, 3) of the picture, without what is seen directly."""
     return (rendered["combined"][..., :3] - sum(rendered[name] for name in seen)).clip(0)
+
+
+def _without_edges(light: np.ndarray, emission: np.ndarray) -> np.ndarray:
+    """`light` (H, W, 3) of surfaces, beside emitters not far above what it is around them.
+
+    The denoiser smooths the edges of emitters, which their pass does not have: small ones would shine twice.
+    """
+    apart = box_sums(emission.max(axis=-1, keepdims=True), BESIDE) <= 0
+    if apart.all():
+        return light
+    count = box_sums(apart.astype(np.float32), AROUND)
+    around = box_sums(light * apart, AROUND) / np.maximum(count, 1)
+    return np.where(apart | (count == 0), light, np.minimum(light, MOST_AROUND * around))
 
 
 def _tile_size(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, light: Light, threads: int) -> int:

@@ -111,7 +111,7 @@ class Optics:
     def frames(self, depsgraph: bpy.types.Depsgraph) -> list[float]:
         """The moment of each sample, in the order of time."""
         if self.shutter_samples == 1:
-            return [depsgraph.scene_eval.frame_current_final] * self.samples
+            return [depsgraph.scene_eval.frame_float] * self.samples
         moments = shutter.moments(depsgraph.scene_eval, self.shutter_samples).tolist()
         return [moments[i * self.shutter_samples // self.samples] for i in range(self.samples)]
 

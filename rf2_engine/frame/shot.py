@@ -50,7 +50,7 @@ class Shot:
         camera = scene.camera.name if scene.camera else ""
         rendered = (scene.name, depsgraph.view_layer_eval.name, camera, width, height, settings.token_budget,
                     settings.max_edge, settings.as_is)
-        shot = cls(scene.frame_current_final, _keys(depsgraph.scene, scene.frame_current_final), rendered)
+        shot = cls(scene.frame_float, _keys(depsgraph.scene, scene.frame_float), rendered)
         shot.key_framings = {key: _fitted.get((*rendered, key)) for key in shot.keys}
         return shot
 

@@ -24,7 +24,7 @@ def moments(scene: bpy.types.Scene, count: int) -> np.ndarray:
     else:
         time = (np.arange(count) + 0.5) / count
     opens = {"START": 0.0, "CENTER": 0.5, "END": 1.0}[settings.motion_blur_position]
-    return scene.frame_current_final + settings.motion_blur_shutter * (time - opens)
+    return scene.frame_float + settings.motion_blur_shutter * (time - opens)
 
 
 @contextmanager
@@ -34,7 +34,7 @@ def clock(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
     The function returns what has changed: {"camera", "scene"}, one of them or nothing.
     """
     scene = depsgraph.scene_eval
-    now = current = scene.frame_current_final
+    now = current = scene.frame_float
 
     def move_to(moment: float) -> set[str]:
         nonlocal current

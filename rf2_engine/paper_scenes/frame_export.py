@@ -82,7 +82,7 @@ class _Export:
         if not collected.parts:
             raise SceneError(f'Scene "{name}" shows no surface: a frame needs at least one mesh')
         low, high = collected.bounds()
-        clear = add_fog(collected, copied.world, np.float32([low, high]), None, self.report)
+        clear = add_fog(collected, copied.world, np.float32([low, high]), None, None, self.report)
         lamps = convert_lamps(collected.lamps, sky.suns, MOST_LAMP_TRIANGLES, (low + high) / 2,
                               float(np.linalg.norm(high - low)) / 2, clear, self.report)
         (self.folder / MESHES).mkdir(parents=True, exist_ok=True)

@@ -24,6 +24,7 @@ from .bright_patches import BrightPatches
 from .panes import Panes
 from .patch_lobes import PatchLobes
 from .patches import Patches
+from .polished import PolishedMetal
 
 FOG_REACH = 2.0        # network units from a point: fog beyond dims nothing
 LEAST_RELIABLE = 1e-3  # weight of a point that sees backs alone beside one that sees none
@@ -42,9 +43,10 @@ class Gathered:
     through: Tensor    # (P, 3) mean radiance of media, and of the sky behind glass
     distance: Tensor   # (P, R), network units to what is hit; infinite where nothing is
     fire: Tensor | None = None  # (P, 3) mean radiance of fire, which is not in `through`; None without any
-    # (M,) number among all P R rays of those that see glass, and (M, 3) the sky's radiance through it; None without any
-    # and where rays were aimed
-    behind_glass: tuple[Tensor, Tensor] | None = None
+    # (M,) numbers among all P R rays, and (M, 3) the radiance that these see besides: the sky behind glass, unless rays
+    # were aimed, and in polished metal; and lamps in that
+    skies: tuple[Tensor, Tensor] | None = None
+    highlights: tuple[Tensor, Tensor] | None = None
     tint: Tensor | None = None  # (P, R + A, 3) colour of `share`, whose mean is 1; None where nothing has one
     excess: Tensor | None = None  # (P, R + A) as of PatchLobes; None without any
 
@@ -77,12 +79,15 @@ class Gathered:
             return arriving
         return arriving + self.radiance(of_lobes, self.excess if weight is None else self.excess * weight)
 
-    def sky_behind_glass(self, weight: Tensor) -> Tensor:
-        """(P, 3) mean radiance of the sky behind glass; weight as above."""
+    def specular(self, weight: Tensor) -> tuple[Tensor, Tensor]:
+        """(P, 3) mean radiance of `skies`, and of `highlights`; weight as above."""
+        return self._mean_of(self.skies, weight), self._mean_of(self.highlights, weight)
+
+    def _mean_of(self, seen: tuple[Tensor, Tensor] | None, weight: Tensor) -> Tensor:
         light = torch.zeros_like(self.through)
-        if self.behind_glass is None:
+        if seen is None:
             return light
-        ray, radiance = self.behind_glass
+        ray, radiance = seen
         return light.index_add_(0, ray // weight.shape[1], weight.flatten()[ray, None] * radiance) / weight.shape[1]
 
     def sky_visibility(self, environment: EnvironmentLight | None, weight: Tensor | None = None) -> Tensor:
@@ -112,13 +117,14 @@ class GatherScene:
         self.environments = {Ray.DIFFUSE: direct.environment, Ray.GLOSSY: direct.sky_seen_by(Ray.GLOSSY)}
         self._media = direct.in_scattering
         self._veils = Veils.of(scene, device)
-        self.panes = None
+        self.panes = self._polished = None
         with part(0.0, 0.5):
             opaque = SOLID | Kind.EMITTER
             stopping = {Ray.DIFFUSE: opaque | STRAIGHT_THROUGH | (Kind(0) if self._refracts else BENDING),
                         Ray.GLOSSY: opaque | STRAIGHT_THROUGH}
             self._opaque = TensorRays(rays.among(opaque, Ray.DIFFUSE))
             self.surfaces = {ray: TensorRays(rays.among(kinds, ray)) for ray, kinds in stopping.items()}
+            self._polished = PolishedMetal.of(scene, self.surfaces[Ray.GLOSSY], direct)
         if len(rays.rows(BENDING, Ray.DIFFUSE)):
             with part(0.5, 1.0):
                 self.panes = Panes(scene, direct.sky_seen_by(Ray.TRANSMISSION), device)
@@ -132,12 +138,12 @@ class GatherScene:
         self.lobes = lobes
 
     def gather(self, position: Tensor, normal: Tensor, direction: Tensor, aimed: int = 0, start: Tensor | None = None,
-               with_media: bool = True, ray: Ray = Ray.DIFFUSE) -> Gathered:
+               with_media: bool = True, ray: Ray = Ray.DIFFUSE, roughness: Tensor | None = None) -> Gathered:
         """Trace rays from points (P, 3) with unit normals (P, 3) along unit vectors (P, R, 3).
 
         Directions with a density of the cosine may be joined by `aimed` more towards bright patches, which `start`
         (P, 2) spreads. with_media: whether in-scattered light along the rays is added. ray: DIFFUSE or
-        GLOSSY.
+        GLOSSY, these around a lobe of a roughness (P,).
         """
         rays, target = direction.shape[1], None
         position = position + LIFT * normal
@@ -150,9 +156,13 @@ class GatherScene:
             hits, straight = self.surfaces[ray].nearest(origin, direction), None
             if self._veils is not None:
                 hits, straight = self._veils.pass_some(self.surfaces[ray], origin, direction, hits)
-        distance, piece = hits.distance, self._locator.find(hits.triangle, hits.weights)
-        side = self._sides(piece, direction)
-        tint, sky, fire, behind_glass = torch.ones_like(distance)[:, None], distance.isinf(), None, None
+        distance, along, mirrored = hits.distance, direction, None
+        if roughness is not None and self._polished is not None:
+            mirrored = self._polished.mirror(origin, direction, hits, (roughness ** 4 / total).repeat_interleave(total))
+            hits, along = mirrored.behind(hits, direction)
+        piece = self._locator.find(hits.triangle, hits.weights)
+        side = self._sides(piece, along)
+        tint, sky, fire, skies, highlights = torch.ones_like(distance)[:, None], distance.isinf(), None, None, None
         through = torch.zeros_like(position)
         if self.fog is not None:
             end = origin + distance.clamp(max=FOG_REACH)[:, None] * direction
@@ -173,11 +183,17 @@ class GatherScene:
                 tint = tint.repeat(1, 3)
             tint[row] *= transmittance if tint.shape[1] == 3 else transmittance[:, :1]
             through.index_add_(0, row // total, light * (row % total < rays)[:, None] / rays)
-            behind_glass = (row, light) if total == rays else None
+            skies = (row, light) if total == rays else None
+        if mirrored is not None:
+            row, tint = mirrored.row, tint.repeat(1, 3 // tint.shape[1])
+            skies = _joined(skies, (row, mirrored.sky * tint[row]))
+            highlights = row, mirrored.lamps * tint[row]
+            tint[row] *= mirrored.color
+            sky[row] = False
         share = tint.mean(1)
         color = (tint / share[:, None].clamp_min(1e-9)).view(-1, total, 3) if tint.shape[1] == 3 else None
         sky = (sky[:, None] * tint).unflatten(0, (-1, total))[:, :rays]
-        excess = None if self.lobes is None else self.lobes.excess(side, direction.T).view(-1, total)
+        excess = None if self.lobes is None else self.lobes.excess(side, along.T).view(-1, total)
         if target is not None:
             density = self.bright.density_by_angle(piece, direction, distance).view(-1, total)
             cosine = (direction.view(-1, total, 3) @ normal[..., None])[..., 0].clamp_min(0)
@@ -185,7 +201,7 @@ class GatherScene:
             balanced[:, rays:] *= piece.view(-1, total)[:, rays:] == target
             share = share * balanced.flatten()
         return Gathered(direction.view(-1, total, 3)[:, :rays], side.view(-1, total), share.view(-1, total), sky,
-                        through, distance.view(-1, total)[:, :rays], fire, behind_glass, color, excess)
+                        through, distance.view(-1, total)[:, :rays], fire, skies, highlights, color, excess)
 
     def hit_sides(self, triangle: Tensor, weights: Tensor, direction: Tensor) -> Tensor:
         """(N,) sides, as Gathered has them, of the patches that rays (N, 3) hit.
@@ -216,6 +232,10 @@ class GatherScene:
         unlike = (sky - sky.median(1, keepdim=True).values) / UNLIKE
         weight = (far * (1 - backs)).clamp_min(LEAST_RELIABLE) * (-unlike.square()).exp()
         return weight / weight.mean(1, keepdim=True)
+
+
+def _joined(seen: tuple[Tensor, Tensor] | None, more: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:
+    return more if seen is None else tuple(torch.cat(both) for both in zip(seen, more, strict=True))
 
 
 def _some(rays: Tensor, count: int, start: Tensor) -> Tensor:

@@ -40,6 +40,7 @@ class GlossyPixels:
     bounced: Tensor | None  # (h, W, 3) what of it traced light does not contain, where light was traced
     missed: Tensor | None  # (h, W, 3) part of that which traced light has instead of light of the diffuse lobe
     sky: Tensor | None     # (h, W, 3) visibility of the sky in the lobe
+    highlights: Tensor     # (h, W, 3) what of all is lamps in polished metal
 
     def remove_missed(self, bounced: Tensor, diffuse_ratio: Tensor) -> Tensor:
         """`bounced` (h, W, 3) light of a white diffuse lobe without what traced light contains of it.
@@ -62,7 +63,8 @@ def glossy_bounces(radiosity: Radiosity, probes: Probes, surfaces: HitSurfaces, 
         for where, used in ((~is_rough, SMOOTH[:1]), (is_rough, filters)))
     pictures = {name: smooth[name] + rough[name] for name in smooth}
     bounced = pictures["bounced"] + pictures["missed"] if is_traced else None
-    return GlossyPixels(pictures["complete"], bounced, pictures.get("missed"), pictures.get("sky"))
+    return GlossyPixels(pictures["complete"], bounced, pictures.get("missed"), pictures.get("sky"),
+                        pictures["highlights"])
 
 
 def light_behind(compute: ComputeLight, probes: Probes, rise: Tensor, filters: Iterable[int],

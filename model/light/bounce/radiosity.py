@@ -62,6 +62,7 @@ class GlossyLight(NamedTuple):
     bounced: Tensor | None = None  # (P, 3) what of it has bounced diffusely before, where light was traced
     missed: Tensor | None = None   # (P, 3) what of the rest Cycles' traced light leaves out
     sky: Tensor | None = None      # (P, 3) visibility of the sky in the lobe
+    highlights: Tensor | None = None  # (P, 3) what of all is lamps in polished metal
 
 
 class Radiosity:
@@ -214,12 +215,14 @@ class Radiosity:
         """
         direction, weight, cosine, density = ggx_directions(normal, outgoing, roughness, effort.of_probe(GLOSSY_RAYS),
                                                             r2_starts(number))
-        gathered = self.gather_scene.gather(position, normal, direction, with_media=False, ray=Ray.GLOSSY)
+        gathered = self.gather_scene.gather(position, normal, direction, with_media=False, ray=Ray.GLOSSY,
+                                            roughness=roughness)
         weight = weight * schlick(f0[:, None], cosine)
         weight = weight / weight.mean(1, keepdim=True).clamp_min(1e-6)
         if not self._most.glossily:
             weight = torch.zeros_like(weight)
-        complete = gathered.with_lobes(self.leaving, self._of_lobes, weight) + gathered.sky_behind_glass(weight)
+        skies, highlights = gathered.specular(weight)
+        complete = gathered.with_lobes(self.leaving, self._of_lobes, weight) + skies + highlights
         complete = self._with_glow(complete, gathered, weight)
         bounced = missed = None
         if traced:
@@ -227,11 +230,11 @@ class Radiosity:
             share = diffuse / (diffuse + weight * density).clamp_min(1e-6)
             bounced = gathered.radiance(self.bounced_before, weight)
             missed = (gathered.with_lobes(self.leaving - self.bounced_before, self._of_lobes, weight * share)
-                      + gathered.sky_behind_glass(weight * share))
+                      + sum(gathered.specular(weight * share)))
             if not self._most.diffusely:  # what is traced is all there is
                 bounced, missed = torch.zeros_like(bounced), torch.zeros_like(missed)
         sky = gathered.sky_visibility(self.gather_scene.environments[Ray.GLOSSY], weight) if with_sky else None
-        return GlossyLight(complete, bounced, missed, sky)
+        return GlossyLight(complete, bounced, missed, sky, highlights)
 
 
 class _Bounces(NamedTuple):

@@ -127,6 +127,12 @@ class DirectLight:
         """As EmitterLight.visibility."""
         return in_chunks(CHUNK, self.emitters.visibility, position, normal, start, *gloss)
 
+    def highlights(self, position: Tensor, normal: Tensor, start: Tensor, *gloss: Tensor) -> Tensor:
+        """As EmitterLight.highlights."""
+        if not len(self.emitters) or not len(position):
+            return torch.zeros_like(position)
+        return in_chunks(CHUNK, self.emitters.highlights, position, normal, start, *gloss)
+
     def sky_radiance_in_air(self, position: Tensor) -> Tensor:
         """(P, 3) radiance of the sky that arrives in the air at points (P, 3), as the mean over all directions."""
         environment = self.sky_seen_by(Ray.SCATTER)

@@ -39,6 +39,7 @@ END_GAP = 4e-3   # network units before an emitter at which a shadow ray ends
 FINE, LARGE = 1.0, 100.0
 PAIRS = 1 << 14  # of points and emitters, whose outlines are integrated over at a time
 STRONGEST = 3    # emitters that `strongest` finds
+DIM = 0.02       # of the brightest highlight at a point, below which others are left out
 EMITTER = Channels(  # what it finds of an emitter at a point
     1,
     toward=(3, DIRECTION),  # unit direction to it
@@ -157,11 +158,25 @@ class EmitterLight:
         lobes = [sphere_form_factor(cosine, sine2) * in_beam]
         if gloss:
             lobes.append(self._glossy(x, n, direction, sine2, *gloss) * in_beam)
-        is_lit = lobes[0] > 0
-        visible = sum(self._trace_shadows(x + LIFT * n, is_lit, direction, on_emitter)
-                      for on_emitter in start.unbind(1)) / start.shape[1]
+        visible = self._visible(x, n, start, lobes[0] > 0, direction)
         return tuple(_arriving(lobe, visible, radiance) / (lobe @ radiance).clamp_min(1e-12)
                      for lobe, radiance in zip(lobes, (self._to_diffuse, self._to_glossy)))
+
+    def highlights(self, x: Tensor, n: Tensor, start: Tensor, *gloss: Tensor) -> Tensor:
+        """(P, 3) radiance of the emitters that white glossy lobes send on, past what is in the way.
+
+        Arguments as of `visibility`; shadow rays go to the emitters alone that the lobe of a point shows.
+        """
+        direction, sine2, in_beam = self._directions(x)
+        lobe = self._glossy(x, n, direction, sine2, *gloss) * in_beam
+        power = lobe * self._to_glossy.mean(1)
+        is_shown = power > DIM * power.amax(1, keepdim=True)
+        return _arriving(lobe * is_shown, self._visible(x, n, start, is_shown, direction), self._to_glossy)
+
+    def _visible(self, x: Tensor, n: Tensor, start: Tensor, is_lit: Tensor, direction: Tensor) -> Tensor:
+        """As `_trace_shadows`, by K rays from points (P, 3) with unit normals (P, 3); start: (P, K, 2)."""
+        return sum(self._trace_shadows(x + LIFT * n, is_lit, direction, on_emitter)
+                   for on_emitter in start.unbind(1)) / start.shape[1]
 
     def _trace_shadows(self, x: Tensor, is_lit: Tensor, direction: Tensor, start: Tensor) -> Tensor:
         """(P, E, 1) or (P, E, 3) share of each emitter's light that arrives at points (P, 3) by one ray.

@@ -10,12 +10,13 @@ from ...clusters import split_clusters
 from ...geometry import area_vectors, surfaces, unit
 from ...scene import RenderScene
 from .emitter_clusters import NO_SHELL, Emitters, merged, triangle
-from .outlines import convex_outline
+from .outlines import convex_outline, cut
 
 DISTANT = 15.0      # network units; an open surface beyond is a sun, which looks alike from everywhere
 MAX_EMITTERS = 96   # of a scene, as many as eight disk lamps: time and memory of direct light grow with them
 MAX_POLYGONS = 16   # triangles of one connected emitter that are kept one by one
 MAX_LUMPS = 16      # what a larger one is merged into
+NARROW = 0.7        # cosine of the rim of a beam from which on a flat one is as many parts
 MAX_AROUND = 64     # and one that surrounds what it lights
 INSIDE = 0.5        # share of the scene's radius that is inside such a one at least
 MAX_PARTS = 8       # that a closed one is divided into which is neither round nor straight
@@ -77,7 +78,10 @@ def _gathered(corners: np.ndarray, light: np.ndarray, center: np.ndarray, radius
             middle, area = shape.mean(axis=(0, 1)), np.linalg.norm(vectors.sum(axis=0)) / np.pi
             spheres.append((middle, np.sqrt(area / (1 + area / (middle @ middle))), own))  # of the same solid angle
         elif not _is_closed(vectors):
-            polygons += [(*piece, own) for piece in _pieces(shape)]
+            pieces = _pieces(shape)
+            if own[3:6].any() and own[6] > NARROW:  # each point lights what is before it
+                pieces = [(part, shell) for outline, shell in pieces for part in cut(outline, MAX_LUMPS // len(pieces))]
+            polygons += [(*piece, own) for piece in pieces]
         elif _surrounds(shape, vectors, center, radius):
             polygons += [(*piece, own) for piece in _pieces(shape, MAX_AROUND)]
         elif (sheet := _sheet(shape, vectors.astype(np.float64))) is not None:

@@ -12,6 +12,7 @@ from ..edge_stopping import edge_weights, plane_tolerance
 from ..hit_surfaces import HitSurfaces
 
 LEAST = 0.1  # weight from which on the next pixel shows the same surface
+TURNED = 0.02  # squared alpha of a lobe as wide as what a pixel mirrors, over the squared turn of that
 OTHER = 9.0  # squared change of the normal, more than there is, to another surface
 
 
@@ -29,6 +30,12 @@ def mirrored_turn2(footprint: Tensor) -> Tensor:
     """(P,) squared angle by which the mirrored direction turns within pixels, from footprints (P, 2, 9)."""
     weights = torch.tensor([0.0] * 3 + [4.0] * 3 + [1.0] * 3, device=footprint.device).repeat(2)
     return footprint.flatten(1).square() @ weights
+
+
+def roughness_within(surfaces: HitSurfaces) -> Tensor:
+    """(h, W) roughness of lobes as wide as all that pixels mirror, which is much where small surfaces are bent."""
+    turn2 = mirrored_turn2(footprints(surfaces).flatten(0, 1)).view_as(surfaces.roughness)
+    return (surfaces.roughness ** 4 + TURNED * turn2).clamp(max=1) ** 0.25
 
 
 def points_within(footprint: Tensor) -> list[Tensor]:

@@ -31,6 +31,37 @@ def convex_outline(shape: np.ndarray) -> np.ndarray | None:
     return hull.astype(np.float32)
 
 
+def cut(corners: np.ndarray, count: int) -> list[np.ndarray]:
+    """So many convex pieces (K, 3) of a flat convex outline (K, 3): the longest is halved across its longest edge."""
+    pieces = [corners]
+    while len(pieces) < count:
+        along = [_along_longest_edge(piece) for piece in pieces]
+        longest = int(np.argmax([np.ptp(places) for places in along]))
+        piece, places = pieces.pop(longest), along[longest]
+        places = places - (places.min() + places.max()) / 2
+        pieces += [_clipped(piece, places), _clipped(piece, -places)]
+    return pieces
+
+
+def _along_longest_edge(corners: np.ndarray) -> np.ndarray:
+    """(K,) places of corners (K, 3)."""
+    edges = np.roll(corners, -1, axis=0) - corners
+    lengths = np.linalg.norm(edges, axis=1)
+    return corners @ (edges[lengths.argmax()] / max(lengths.max(), 1e-30))
+
+
+def _clipped(corners: np.ndarray, side: np.ndarray) -> np.ndarray:
+    """The part of a convex outline (K, 3) where `side` (K,), linear in between, is not negative."""
+    kept = []
+    for i in range(len(corners)):
+        j = (i + 1) % len(corners)
+        if side[i] >= 0:
+            kept.append(corners[i])
+        if side[i] * side[j] < 0:
+            kept.append(corners[i] + (corners[j] - corners[i]) * side[i] / (side[i] - side[j]))
+    return np.float32(kept)
+
+
 def outline_vectors(corners: np.ndarray) -> np.ndarray:
     """(..., 3) normal times area of flat polygons with corners (..., K, 3), counter-clockwise from the front."""
     around = corners - corners[..., :1, :]

@@ -10,26 +10,29 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ...scene import Guides
-from ..direct.direct_light import DirectLight, LobeVisibility
+from ..direct.direct_light import DirectLight
 from ..hit_surfaces import HitSurfaces, tensors_on
 from ..probes import Probes
 from ..sampling import r2_starts
 from .frosted import frosted
 
-RAYS = 4  # to each emitter from a mirrored point
+RAYS = 4           # to each emitter from a mirrored point
+FINE = 0.03, 0.08  # roughness up to which one path finds the highlights in a mirror, and from which rays of the lobe do
 PathEndLight = Callable[[str, Guides], tuple[dict[str, Tensor], Tensor]]  # `path_end_light`, of a lobe
 
 
-def reflected_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight,
-                    path_ends: PathEndLight) -> tuple[dict[str, Tensor], Tensor]:
+def reflected_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, path_ends: PathEndLight,
+                    highlights: Tensor) -> tuple[dict[str, Tensor], Tensor]:
     """What mirrors show, (h, W, 3) "bounced" or "complete", and (h, W, 1) bool where they show surfaces.
 
-    Empty where no paths were followed.
+    highlights: (h, W, 3) radiance of lamps in the metal that is seen around the lobe, by many rays. Empty where no
+    paths were followed.
     """
     light, has_end = path_ends("reflected", guides)
     if "complete" in light and guides.reflected_light is not None:
+        mean = ((surfaces.roughness[..., None] - FINE[0]) / (FINE[1] - FINE[0])).clamp(0, 1)
         light["complete"] = (light["complete"] + tensors_on(direct.device)(guides.reflected_light)
-                             + mirrored_highlights(guides, surfaces, direct))
+                             + torch.lerp(mirrored_highlights(guides, surfaces, direct), highlights, mean))
     return light, has_end
 
 
@@ -94,7 +97,4 @@ def _highlights(guides: Guides, lobe: str, direct: DirectLight,
     x, n = position[at], F.normalize(normal[at], dim=-1)
     gloss = *gloss_at(at, x, n, roughness[at][:, 0]), torch.ones_like(n[:, 0])
     start = r2_starts(torch.arange(RAYS * len(x), device=x.device)).view(-1, RAYS, 2)
-    visible = direct.emitter_visibility(x, n, start, *gloss)[1]
-    dark = torch.zeros_like(x)
-    light = direct.lobes(x, n, *gloss, LobeVisibility(dark, dark, dark, visible, dark[:, :1]))[1]
-    return highlights.index_put(at, light * color[at])
+    return highlights.index_put(at, direct.highlights(x, n, start, *gloss) * color[at])

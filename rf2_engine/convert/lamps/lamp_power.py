@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from ..shading.points import Points
 from ..shading.surface import closure_at
 from .beams import sphere
 
+FALLOFF_NODE = "ShaderNodeLightFalloff"
 TEXTURE_SIZE = 16  # across the surface of an area lamp
 
 
@@ -25,6 +26,7 @@ class LampLight:
     strength: np.ndarray                  # (3,) mean over the surface, and over all directions if they are alike
     directions: np.ndarray | None = None  # (n, 3) strength in the directions of `sphere(n)`, in the lamp's frame
     texture: np.ndarray | None = None      # (TEXTURE_SIZE, TEXTURE_SIZE, 3) [y, x] of an area lamp: mean 1, or 0
+    is_rough_guess: bool = False  # whether it falls off otherwise, or shadows do not stop it
 
 
 def compute_lamp_light(light, name: str, report, frame: np.ndarray, distance: float) -> LampLight | None:
@@ -46,7 +48,13 @@ def compute_lamp_light(light, name: str, report, frame: np.ndarray, distance: fl
     if (strength < 0).any():
         report.approximated(name, "negative light is ignored")
         strength = np.maximum(strength, 0)
-    return _parts(strength) if strength.any() else None
+    if not strength.any():
+        return None
+    return replace(_parts(strength), is_rough_guess=not light.use_shadow or _has_falloff(light))
+
+
+def _has_falloff(light) -> bool:
+    return light.node_tree is not None and any(node.bl_idname == FALLOFF_NODE for node in light.node_tree.nodes)
 
 
 def _emission(light, name, report, frame, distance) -> np.ndarray:

@@ -6,6 +6,7 @@ Radiance leaves a lamp triangle through its front only, within its beam (model/s
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -38,7 +39,11 @@ def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np
     may be.
     """
     lamp = _placed(matrix_world, light, name, report, center, radius, detail)
-    return DARK if lamp is None else CONVERTERS[light.type](lamp)
+    if lamp is None:
+        return DARK
+    shape = CONVERTERS[light.type](lamp)
+    guessed = lamp.is_rough_guess or lamp.light_output.is_rough_guess
+    return replace(shape, is_rough_guess=np.ones(len(shape), bool)) if guessed else shape
 
 
 def convert_sun_lamp(matrix_world: np.ndarray, light, name: str, report, center: np.ndarray,
@@ -109,7 +114,7 @@ def _point(lamp: PlacedLamp) -> RenderScene:
 def _spot(lamp: PlacedLamp) -> RenderScene:
     x, y, z = lamp.scale
     if abs(x - y) > 1e-3 * max(x, y):
-        lamp.approximated("its scale is not uniform: in estimated light its elliptic spot cone is round")
+        lamp.guessed("its scale is not uniform: in estimated light its elliptic spot cone is round")
     cosines = find_spot_beam(lamp.light, math.sqrt(x * y) / max(z, 1e-12))
     return _ball(lamp, beams(lamp, Cone(lamp.strength, DOWN, cosines)), half_angle=math.acos(cosines[0]))
 

@@ -12,6 +12,7 @@ from .beams import Cone, cones, smoothstep, sphere
 from .lamp_power import LampLight
 
 MOST_LIGHT = 0.95  # of a lamp's light is within its half angle
+MISPLACED = 0.1    # share of a lamp's light in wrong directions from which on these are a rough guess
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class PlacedLamp:
     scene_center: np.ndarray  # (3,)
     scene_radius: float
     detail: Detail
+    is_rough_guess: bool = False  # as RenderScene has it
 
     @property
     def beam_axis(self) -> np.ndarray:
@@ -53,6 +55,11 @@ class PlacedLamp:
     def approximated(self, message: str) -> None:
         self.report.approximated(self.name, message)
 
+    def guessed(self, message: str) -> None:
+        """Its light is not where beams have it."""
+        self.is_rough_guess = True
+        self.approximated(message)
+
 
 def beams(lamp: PlacedLamp, own: Cone, facing: bool = False) -> list[Cone]:
     """The beam of a lamp, or cones that approximate what its nodes emit; facing: from a surface, not from a ball."""
@@ -63,8 +70,8 @@ def beams(lamp: PlacedLamp, own: Cone, facing: bool = False) -> list[Cone]:
     if own.axis.any():
         light = light * smoothstep(*own.cosines, cosine)[:, None] * (own.strength / np.maximum(lamp.strength, 1e-30))
     fitted, misplaced = cones(light, np.maximum(cosine, 0) if facing else np.ones_like(cosine))
-    lamp.approximated(f"{len(fitted)} cones approximate its light, and {100 * misplaced:.0f} % of it goes in other "
-                      "directions")
+    say = lamp.guessed if misplaced > MISPLACED else lamp.approximated
+    say(f"{len(fitted)} cones approximate its light, and {100 * misplaced:.0f} % of it goes in other directions")
     return fitted
 
 

@@ -77,9 +77,9 @@ def test_noise_is_that_of_the_samples_and_without_rays_only_direct_light_without
 
 
 @pytest.mark.parametrize("bounces, may", [(None, 1), ((1, 0, 0, 1), 1), ((0, 4, 12, 12), 0), ((4, 4, 12, 0), 0)])
-def test_a_view_says_whether_light_may_bounce(bounces, may):
+def test_a_view_says_whether_all_light_is_known(bounces, may):
     scene = replace(floor_scene(), bounces=None if bounces is None else np.int32(bounces))
-    assert guided_view(scene_light(scene), *floor_view(), CONFIG).may_bounce == may
+    assert guided_view(scene_light(scene), *floor_view(), CONFIG).is_known == may
 
 
 def test_exposure_scales_all_radiance_of_each_view_and_nothing_else():

@@ -83,7 +83,7 @@ def test_bands_of_a_large_picture_change_nothing(monkeypatch):
 def test_a_mirror_shows_the_highlight_of_the_metal_that_it_shows():
     """As if what the camera sees were a mirror, which shows metal below the lamp."""
     scene, (view, guides) = floor_scene(), floor_view()
-    scene.tiles[:, ROUGHNESS] = 0.1
+    scene.tiles[:, ROUGHNESS] = 0.02
     shape = guides.position.shape
     up = np.broadcast_to(np.float16((0, 0, 1)), shape)
     metal = {"mirrored_position": np.zeros(shape, np.float32), "mirrored_color": np.full(shape, 0.5, np.float16),

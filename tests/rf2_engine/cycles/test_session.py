@@ -185,3 +185,20 @@ def test_fog_is_as_bright_and_as_smooth_as_that_of_cycles(scene, tmp_path):
     assert ours.mean() == pytest.approx(cycles.mean(), rel=0.15)
     grain = [np.abs(np.diff(picture, 2, axis=1)).mean() / picture.mean() for picture in (ours, cycles)]
     assert grain[0] < 2 * grain[1] + 0.01
+
+
+def test_a_small_bright_emitter_shines_once(scene, tmp_path):
+    """The denoiser smooths its edge, which the pass Emission does not have."""
+    cube(scene, of=material("Floor")).scale = (20, 20, 0.01)
+    shining = material("Shining")
+    shining.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = 1000
+    small = cube(scene, of=shining)
+    small.scale, small.location = (0.03, 0.03, 0.03), (0, 0, 0.6)
+    scene.camera.location, scene.camera.rotation_euler = (0, -4, 1.5), (1.3, 0, 0)
+    scene.render.resolution_x, scene.render.resolution_y = 64, 48
+    scene.renderformer_v2.guide_samples = 8
+    scene.view_layers[0].use_pass_emit = True
+    rendered = press_f12(scene, tmp_path)
+    emission = next(pixels for name, pixels in rendered.items() if name.startswith("ViewLayer.Emi"))[..., :3]
+    assert 1 < emission.sum(axis=(0, 1)).min() / 1000 < 20
+    assert (rendered["ViewLayer.Combined"][..., :3] - emission).max() < 0.1 * 1000

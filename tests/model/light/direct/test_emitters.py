@@ -9,7 +9,7 @@ import torch
 from renderformer_v2.model.geometry import area_vectors
 from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.direct.emitters import MAX_EMITTERS, gather_emitters
-from renderformer_v2.model.light.direct.outlines import outline_vectors
+from renderformer_v2.model.light.direct.outlines import cut, outline_vectors
 from renderformer_v2.model.scene import RenderScene, constant_tile
 
 FLOOR = np.float32([[(-2, -2, 0), (2, -2, 0), (2, 2, 0)], [(-2, -2, 0), (2, 2, 0), (-2, 2, 0)]])
@@ -193,3 +193,20 @@ def test_a_sun_of_any_size_gives_the_light_of_its_disk(degrees):
 def test_a_lamp_far_away_is_as_large_as_nearby():
     near, far = (gather_emitters(lit_by(ball((0, 0, height), 1, 16, 8), (1.0, 1.0, 1.0))) for height in (3, 60))
     assert far.radii == pytest.approx(near.radii, rel=1e-3) and near.radii[0] > 0.9
+
+
+@pytest.mark.parametrize("corners", [[(0, 0, 1), (4, 0, 1), (4, 0.2, 1), (0, 0.2, 1)],
+                                     [(np.cos(a), np.sin(a), 0) for a in np.arange(12) * np.pi / 6]])
+def test_pieces_of_an_outline_have_its_area_and_no_long_sides(corners):
+    whole = np.float32(corners)
+    pieces = cut(whole, 16)
+    areas = [np.linalg.norm(outline_vectors(piece.astype(np.float64))) for piece in pieces]
+    assert len(pieces) == 16 and sum(areas) == pytest.approx(np.linalg.norm(outline_vectors(whole.astype(np.float64))))
+    assert max(np.ptp(piece, axis=0).max() for piece in pieces) < 0.3 * np.ptp(whole, axis=0).max()
+
+
+@pytest.mark.parametrize("degrees, count", [(20, 16), (120, 1)])
+def test_a_flat_lamp_with_a_narrow_beam_lights_what_is_before_each_part(degrees, count):
+    cosine = np.cos(np.radians(degrees / 2)), 1.0
+    emitters = gather_emitters(lit_by(grid(2, 2, 1, 1, 2), 5.0, -UP, cosine))
+    assert len(emitters) == count

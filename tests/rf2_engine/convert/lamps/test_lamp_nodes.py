@@ -125,3 +125,16 @@ def test_a_texture_on_an_area_lamp_shines_from_where_it_is():
     tree.links.new(coordinate.outputs["UV"], texture.inputs["Vector"])
     tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
     assert_as_in_cycles(obj, 0.04)
+
+
+@pytest.mark.parametrize("change, is_rough_guess",
+                         [(None, False), ("scale", True), ("falloff", True), ("shadow", True)])
+def test_lamps_that_shine_otherwise_than_beams_are_a_rough_guess(change, is_rough_guess):
+    obj, tree, emission = shining("SPOT")
+    if change == "scale":
+        obj.matrix_world = POSE @ Matrix.Diagonal((2, 0.5, 1, 1))
+    elif change == "falloff":
+        node = tree.nodes.new("ShaderNodeLightFalloff")
+        tree.links.new(node.outputs["Constant"], emission.inputs["Strength"])
+    obj.data.use_shadow = change != "shadow"
+    assert converted(obj).seldom("is_rough_guess").all() == is_rough_guess

@@ -65,3 +65,20 @@ def test_light_from_beyond_comes_through_where_it_does_in_cycles(report):
     scene = looked_at(report)
     found = integrated(scene, (0, 0, 0), (0, 0, 1)) + gathered(scene.environment, (0, 0, 1))
     np.testing.assert_allclose(found, expected, rtol=0.02, atol=1e-4)
+
+
+def test_it_is_where_the_view_looks_past_the_ground_and_around_lamps_nearby(report):
+    empty_cycles_scene()
+    foggy()
+    bpy.ops.mesh.primitive_grid_add(size=8)
+    lamp("POINT", Matrix.Translation((0, 0, 4)))
+    lamp("POINT", Matrix.Translation((0, 0, 400)))
+    scene = bpy.context.scene
+    scene.camera = bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye"))
+    scene.camera.location, scene.camera.rotation_euler = (0, -4, 1), (np.pi / 2, 0, 0)
+    scene.camera.data.lens = 36  # half as wide as far
+    scene.collection.objects.link(scene.camera)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    volumes = convert(depsgraph, convert_camera(depsgraph, 64, 64, None), ConversionOptions(4096, 1), report).volumes
+    low, high = (end(volumes.position.reshape(-1, 3), axis=0) for end in (np.min, np.max))
+    assert 3.5 < high[2] < 4.5 and high[0] > 1.5 and low[2] > -2.5
