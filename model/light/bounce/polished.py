@@ -18,7 +18,7 @@ from ...surface_kinds import Ray
 from ..direct.direct_light import DirectLight
 from ..direct.environment_light import LIFT
 from ..edge_stopping import dot
-from ..sampling import r2_starts
+from ..sampling import hashed_starts
 from ..specular.paths import PURE, SMOOTH
 from ..tensor_rays import TensorHits, TensorRays
 
@@ -80,5 +80,5 @@ class PolishedMetal:
     def _highlights(self, x: Tensor, n: Tensor, *view: Tensor) -> Tensor:
         """(M, 3) radiance of lamps that white metal sends towards the viewer; view: of unit vectors (M, 3), roughness
         (M,)."""
-        start = r2_starts(torch.arange(len(x), device=x.device))[:, None]
+        start = hashed_starts(x, 2)[:, None]
         return self._direct.highlights(x, n, start, *view, torch.ones_like(n[:, 0]))
