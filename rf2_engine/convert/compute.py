@@ -132,7 +132,8 @@ def _plan(copied: CopiedScene, view: View | None, options: ConversionOptions, re
         report.approximated("Scale", f"the scene is scaled to the {float((high - low).max()):.3g} m around "
                             f"({', '.join(f'{x:.3g}' for x in (low + high) / 2)}) that the camera sees: there is less "
                             f"detail beyond, such as in {', '.join(beyond[:3])}{' ...' if len(beyond) > 3 else ''}")
-    clear = add_fog(collected, copied.world, framing.box, view, hits, report)
+    shown = None if hits is None else hits.points
+    clear = add_fog(collected, copied.world, framing.box, view, shown, report)
     sky = sky.dimmed(clear)
     suns = [replace(sun, light_group=copied.world_light_group) for sun in sky.suns]
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2

@@ -10,7 +10,6 @@ from ....model.scene import View
 from ..data.collected import CollectedScene
 from ..data.copied import Instance
 from ..data.medium import Box
-from ..fitting.visible import VisiblePoints
 from ..shading.volume import has_volume, volume_coefficients, volume_points
 from .volumes import shaded_medium
 
@@ -20,15 +19,16 @@ INWARDS = 0.1    # halves of the picture from a corner to where the picture show
 NOWHERE = np.zeros((2, 3), np.float32)
 
 
-def add_fog(collected: CollectedScene, world, box: np.ndarray, view: View | None, hits: VisiblePoints | None,
+def add_fog(collected: CollectedScene, world, box: np.ndarray, view: View | None, shown: np.ndarray | None,
             report) -> np.ndarray:
-    """Adds the fog in a box (2, 3), where a view looks past the surfaces that its rays hit, and around lamps nearby.
+    """Adds the fog in a box (2, 3), where a view looks past the surfaces that it shows, and around lamps nearby.
 
-    Returns (3,) the share of light from infinitely far that comes through all the rest, of each colour: 1 or 0.
+    shown: (P, 3) points of these; None without a view. Returns (3,) the share of light from
+    infinitely far that comes through all the rest, of each colour: 1 or 0.
     """
     if not has_volume(world):
         return np.ones(3)
-    points = box if view is None else np.concatenate([box, _seen(view, box, hits.points)])
+    points = box if view is None else np.concatenate([box, _seen(view, box, shown)])
     low, high = points.min(axis=0), points.max(axis=0)
     reach = NEARBY * (high - low).max()
     lamps = np.array([lamp.matrix[:3, 3] for lamp in collected.lamps if lamp.light.type != "SUN"]).reshape(-1, 3)
