@@ -209,9 +209,9 @@ def _without_edges(light: np.ndarray, emission: np.ndarray) -> np.ndarray:
 
     The denoiser smooths the edges of emitters, which their pass does not have: small ones would shine twice.
     """
-    apart = box_sums(emission.max(axis=-1, keepdims=True), BESIDE) <= 0
-    if apart.all():
+    if not emission.any():
         return light
+    apart = box_sums(emission.max(axis=-1, keepdims=True), BESIDE) <= 0
     count = box_sums(apart.astype(np.float32), AROUND)
     around = box_sums(light * apart, AROUND) / np.maximum(count, 1)
     return np.where(apart | (count == 0), light, np.minimum(light, MOST_AROUND * around))

@@ -117,7 +117,7 @@ class GatherScene:
         self.environments = {Ray.DIFFUSE: direct.environment, Ray.GLOSSY: direct.sky_seen_by(Ray.GLOSSY)}
         self._media = direct.in_scattering
         self._veils = Veils.of(scene, device)
-        self.panes = self._polished = None
+        self.panes = None
         with part(0.0, 0.5):
             opaque = SOLID | Kind.EMITTER
             stopping = {Ray.DIFFUSE: opaque | STRAIGHT_THROUGH | (Kind(0) if self._refracts else BENDING),

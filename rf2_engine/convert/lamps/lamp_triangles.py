@@ -42,8 +42,7 @@ def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np
     if lamp is None:
         return DARK
     shape = CONVERTERS[light.type](lamp)
-    guessed = lamp.is_rough_guess or lamp.light_output.is_rough_guess
-    return replace(shape, is_rough_guess=np.ones(len(shape), bool)) if guessed else shape
+    return replace(shape, is_rough_guess=np.ones(len(shape), bool)) if lamp.is_rough_guess else shape
 
 
 def convert_sun_lamp(matrix_world: np.ndarray, light, name: str, report, center: np.ndarray,
@@ -64,7 +63,8 @@ def _placed(matrix_world, light, name, report, center, radius, detail) -> Placed
     if not all(scale[axis] for axis in NEEDED_AXES[light.type]):
         report.skipped(name, "its scale is 0, so it gives no light: reset its scale")
         return None
-    return PlacedLamp(light, light_output, name, report, matrix[:3, 3], frame, scale, center, max(radius, 1e-6), detail)
+    return PlacedLamp(light, light_output, name, report, matrix[:3, 3], frame, scale, center, max(radius, 1e-6), detail,
+                      light_output.is_rough_guess)
 
 
 def _area(lamp: PlacedLamp) -> RenderScene:

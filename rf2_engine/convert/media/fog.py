@@ -15,7 +15,7 @@ from .volumes import shaded_medium
 
 MARGIN = 0.01   # of the box's longest side, around it
 NEARBY = 0.5    # longest sides of the rest from it, as far as lamps are in the box
-INWARDS = 0.1    # halves of the picture from a corner to where the picture shows the same
+INWARDS = 0.1   # halves of the picture from a corner to where the picture shows the same
 NOWHERE = np.zeros((2, 3), np.float32)
 
 

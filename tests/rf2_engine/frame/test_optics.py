@@ -8,7 +8,6 @@ from bl_ext.user_default.renderformer_v2.rf2_engine import passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_hits as first_hits
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import shutter
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame.optics import Optics
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame.shutter import moments
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
 from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import model_cache
@@ -144,9 +143,9 @@ def test_a_moving_object_is_blurred_as_in_cycles(blurry, tmp_path, seen):
 
 def test_a_stretched_time_line_changes_no_moment_of_an_exposure(blurry):
     """Blender evaluates a frame at its stretched time by itself."""
-    before = moments(blurry, SAMPLES)
+    before = shutter.moments(blurry, SAMPLES)
     blurry.render.frame_map_new = 50
-    np.testing.assert_array_equal(moments(blurry, SAMPLES), before)
+    np.testing.assert_array_equal(shutter.moments(blurry, SAMPLES), before)
     assert before.min() > 1 and before.max() < 3
 
 
