@@ -132,6 +132,7 @@ class MaterialTiles:
             translucent, straight = map(mean_over_triangle, (surface.translucent, surface.clear))
             many = max(len(x) if x.ndim > 1 else 1 for x in (translucent, straight))
             passing = np.concatenate([np.broadcast_to(translucent, (many, 1)), np.broadcast_to(straight, (many, 3))], 1)
+            passing = self.report.finite(material.name, "its transparency", passing)
             own = None if lobes is None else lobe_arrays(lobes, len(tiles))
             if own is not None and len(own) > len(tiles):  # only what the surface is made of in between is the same
                 tiles = np.repeat(tiles, len(own), axis=0)

@@ -71,3 +71,12 @@ def test_invisible_materials_leave_nothing(shader, inputs):
         tree.links.new(tree.nodes.new("ShaderNode" + kind).outputs[0], add.inputs[i])
     index, emission = MaterialTiles(Report()).triangle_tiles(copied(glowing), triangles(2))
     assert (index >= 0).all() and emission.all()
+
+
+def test_a_colour_that_is_no_number_lets_nothing_through_and_is_reported():
+    pane, _, _ = material("ShaderNodeBsdfTransparent", Color=(float("nan"), 0.4, 0.2, 1))
+    report = Report()
+    tiles = MaterialTiles(report)
+    index, _ = tiles.triangle_tiles(copied(pane), triangles(2))
+    np.testing.assert_allclose(tiles.clear[index], [(0, 0.4, 0.2)] * 2, atol=1e-6)
+    assert any("its transparency has values that are infinite" in line for line in report.lines())
