@@ -272,6 +272,8 @@ class RenderScene:
                                          channels=TWO_LOBES, default="none")
     # Share of a tile's diffuse light that goes to the other side; None = nothing
     translucent: np.ndarray | None = array("T", default="none")
+    # Share of a tile's diffuse light that hair scatters, which Cycles' passes have as gloss; None = nothing
+    fibre: np.ndarray | None = array("T", default="none")
     # Share of the light that passes a tile straight; None = what it transmits, if its IOR bends nothing
     clear: np.ndarray | None = array("T", 3, behaves={COLOR: -1}, default="none")
     # Light group of what a triangle and the environment emit, counted from 1; 0 or None = none
@@ -362,6 +364,11 @@ class RenderScene:
         return np.zeros(len(self.tiles), np.float32) if self.translucent is None else self.translucent
 
     @property
+    def tile_fibre(self) -> np.ndarray:
+        """(T,) f32, as `fibre`."""
+        return np.zeros(len(self.tiles), np.float32) if self.fibre is None else self.fibre
+
+    @property
     def tile_clear(self) -> np.ndarray:
         """(T, 3) f32, as `clear`."""
         if self.clear is not None:
@@ -399,8 +406,8 @@ class RenderScene:
     def appended(self, *others: RenderScene) -> RenderScene:
         """This scene with the triangles (and the tiles they use) of `others` behind its own."""
         scenes, tiles, count, geometries = [], 0, 0, []
-        optional = ("latents", "two_lobes", "translucent", "clear", "hidden", "camera_tile", "back_tile", "light_group",
-                    "glow", *SELDOM)
+        optional = ("latents", "two_lobes", "translucent", "fibre", "clear", "hidden", "camera_tile", "back_tile",
+                    "light_group", "glow", *SELDOM)
         absent = [name for name in optional
                   if all(getattr(scene, name) is None for scene in (self, *others))]
         for scene in (self, *others):
@@ -412,7 +419,7 @@ class RenderScene:
                                   **{name: scene.seldom(name) for name in SELDOM if name != "shadow_tile"},
                                   light_group=scene.light_groups, glow=scene.surface_glow,
                                   latents=scene.tile_latents, two_lobes=scene.tile_lobes,
-                                  translucent=scene.tile_translucence, clear=scene.tile_clear))
+                                  translucent=scene.tile_translucence, fibre=scene.tile_fibre, clear=scene.tile_clear))
             surfaces = scene.surfaces
             geometries.append(replace(surfaces, token=surfaces.token + np.int32(count)))
             tiles, count = tiles + len(scene.tiles), count + len(scene)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..camera import view_rays, view_rays_at
 from ..geometry import barycentric, corner_weights, dot, facing, interpolated, unit
+from ..pictures import box_means
 from ..progress import part
 from ..rays import Hits
 from ..scene import Guides, RenderScene, View
@@ -39,6 +40,7 @@ APART = 0.1          # difference of two unit normals of which a pixel must not 
 BETWEEN = 0.03       # distance from the line between the two at which a normal belongs to neither, such as a bump's
 UNBENT = 0.2         # cosine to the viewer from which on Cycles does not bend normals
 FILL_RADIUS = 4      # pixels
+NEAR_FIBRES = 2      # pixels
 BATCH = 1 << 16      # pixels that are sampled by several rays at a time
 
 
@@ -77,6 +79,8 @@ def guides_from_passes(passes: Passes, scene: RenderScene, view: View, nearest_t
     several |= lies_between(guides.normal, shown.normal) & (-dot(shown.normal, rays) > UNBENT)
     several &= shown.token >= 0
     guides.normal[several] = shown.normal[several]
+    if guides.traced is None:
+        guides = _with_fibres(guides, scene, view)
     behind = _behind_media(scene, camera, hit, surfaces) if has_media else None
     return denoise_media.smoothed(guides, scene.volumes, view, behind)
 
@@ -135,6 +139,22 @@ def clear_outside(passes: Passes, outside: np.ndarray | None) -> Passes:
     empty = outside[..., None] & ~np.any([passes[key].any(-1, keepdims=True) for key in VISIBLE], axis=0)
     return passes | {"alpha": np.where(empty, np.float32(0), passes["alpha"]),
                      "depth": np.where(outside[..., None], np.float32(NOWHERE), passes["depth"])}
+
+
+def _with_fibres(guides: Guides, scene: RenderScene, view: View) -> Guides:
+    """Hair as the diffuse surfaces that its tokens are: Cycles' passes show the colour of hair as a whole, as gloss."""
+    if scene.fibre is None:
+        return guides
+    is_fibre = np.append(scene.fibre[scene.seen_tile] > 0.5, False)  # by token; the last one, -1, is no surface
+    near = box_means(is_fibre[guides.hit_triangle, None].astype(np.float32), NEAR_FIBRES)
+    pixels, camera = np.flatnonzero(near > 0), CameraRays(scene, view)
+    guides = replace(guides, diffuse_color=guides.diffuse_color.copy(), glossy_color=guides.glossy_color.copy())
+    for batch in np.array_split(pixels, len(pixels) // BATCH + 1):
+        samples = camera.sample(batch)
+        shows = is_fibre[samples.token][..., None]
+        guides.diffuse_color.reshape(-1, 3)[batch] += (samples.colors[0] * shows).mean(1)
+        guides.glossy_color.reshape(-1, 3)[batch] = (samples.colors[1] * ~shows).mean(1)
+    return guides
 
 
 def _add_hits_behind_media(camera: CameraRays, scene: RenderScene, view: View, hidden: np.ndarray, hit: np.ndarray,

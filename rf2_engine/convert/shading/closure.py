@@ -38,6 +38,7 @@ class Closure:
     emission: np.ndarray = None      # (..., 3) radiance
     clear: np.ndarray = None         # (..., 3) share of the light that goes straight through
     translucent: np.ndarray = None   # (..., 1) by luminance, of what sends its light to the other side
+    fibre: np.ndarray = None         # (..., 1) by luminance, of what hair scatters
     holdout: np.ndarray = None       # (..., 1) share that is cut out of the film
 
     def __post_init__(self):
@@ -65,6 +66,7 @@ class SurfaceParameters:
     emission: np.ndarray
     clear: np.ndarray
     translucent: np.ndarray
+    fibre: np.ndarray
     holdout: np.ndarray
 
 
@@ -100,4 +102,5 @@ def parameters(closure: Closure) -> SurfaceParameters:
         metallic=mean(closure.metallic, closure.lobe, 0.0), roughness=mean(closure.roughness, closure.gloss, 1.0),
         ior=np.where(is_glass, ior.clip(GLASS_IOR), ior) if is_glass.any() else ior, transmission=transmission,
         normal=mean(closure.normal, closure.weight, UP), emission=np.maximum(closure.emission, 0).astype(np.float32),
-        clear=closure.clear, translucent=mean(closure.translucent, closure.lobe, 0.0), holdout=closure.holdout)
+        clear=closure.clear, translucent=mean(closure.translucent, closure.lobe, 0.0),
+        fibre=mean(closure.fibre, closure.lobe, 0.0), holdout=closure.holdout)

@@ -45,7 +45,7 @@ CLEAR = 0.95                 # a triangle that lets more light straight through 
 ONE_TRIANGLE = TriangleMesh(np.eye(3, dtype=np.float32)[None], np.full((1, 3, 3), 3 ** -0.5, np.float32), {}, None, {},
                             None, np.zeros(1, np.int32), np.float32([(0, 0, 0), (1, 1, 1)]))
 NO_LATENT = (0.0,) * 9
-OPAQUE = np.zeros(4, np.float32)  # as `passing` below
+OPAQUE = np.zeros(5, np.float32)  # as `passing` below
 EMITTER_TILE = constant_tile(base_color=(1, 1, 1), roughness=1, ior=1)
 
 
@@ -57,7 +57,7 @@ class MaterialTiles:
         self.report, self.baker, self.keeps_lobes = report, baker, keeps_lobes
         self._chunks: list[np.ndarray] = []
         self._latents: list[np.ndarray] = []
-        self._passing: list[np.ndarray] = []  # (T, 4): `translucent`, and `clear`
+        self._passing: list[np.ndarray] = []  # (T, 5): `translucent`, `fibre`, and `clear`
         self._lobes: list[np.ndarray | int] = []  # of a chunk, or how many tiles it has without any
         self._count = 0
         self._constant: dict[tuple, int] = {}
@@ -82,14 +82,17 @@ class MaterialTiles:
     @property
     def translucent(self) -> np.ndarray | None:
         """(T,) f32 of these tiles (model/scene.py); None where all are 0."""
-        translucent = self._all_passing()[:, 0]
-        return translucent if translucent.any() else None
+        return _unless_zero(self._all_passing()[:, 0])
+
+    @property
+    def fibre(self) -> np.ndarray | None:
+        """(T,) f32 likewise."""
+        return _unless_zero(self._all_passing()[:, 1])
 
     @property
     def clear(self) -> np.ndarray | None:
         """(T, 3) f32 likewise."""
-        clear = self._all_passing()[:, 1:]
-        return clear if clear.any() else None
+        return _unless_zero(self._all_passing()[:, 2:])
 
     def _all_passing(self) -> np.ndarray:
         return np.concatenate([np.zeros((0, len(OPAQUE)), np.float32), *self._passing])
@@ -129,9 +132,9 @@ class MaterialTiles:
                 lobes = two_lobes(material, points)
             emission[part] = self.report.finite(material.name, "its emission", mean_over_triangle(surface.emission))
             tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
-            translucent, straight = map(mean_over_triangle, (surface.translucent, surface.clear))
-            many = max(len(x) if x.ndim > 1 else 1 for x in (translucent, straight))
-            passing = np.concatenate([np.broadcast_to(translucent, (many, 1)), np.broadcast_to(straight, (many, 3))], 1)
+            each = *_, straight = [mean_over_triangle(x) for x in (surface.translucent, surface.fibre, surface.clear)]
+            many = max(len(x) if x.ndim > 1 else 1 for x in each)
+            passing = np.concatenate([np.broadcast_to(x, (many, x.shape[-1])) for x in each], axis=1)
             passing = self.report.finite(material.name, "its transparency", passing)
             own = None if lobes is None else lobe_arrays(lobes, len(tiles))
             if own is not None and len(own) > len(tiles):  # only what the surface is made of in between is the same
@@ -229,7 +232,7 @@ class MaterialTiles:
 
     def constant_index(self, tile: np.ndarray, latent: tuple[float, ...] | None = None,
                        lobes: np.ndarray | None = None, passing: np.ndarray = OPAQUE) -> int:
-        """The row of a tile (11, 32, 32) f16, one for all that are equal; passing: (4,), translucent and clear."""
+        """The row of a tile (11, 32, 32) f16, one for all that are equal; passing: (5,), as `_passing`."""
         key = tile.tobytes(), latent, lobes if lobes is None else lobes.tobytes(), tuple(map(float, passing))
         if key not in self._constant:
             self._constant[key] = self._count
@@ -238,7 +241,7 @@ class MaterialTiles:
 
     def _append(self, tiles: np.ndarray, latent: tuple[float, ...] | None, lobes: np.ndarray | None,
                 passing: np.ndarray) -> None:
-        self._passing.append(np.broadcast_to(np.float32(passing), (len(tiles), 4)))
+        self._passing.append(np.broadcast_to(np.float32(passing), (len(tiles), len(OPAQUE))))
         self._lobes.append(len(tiles) if lobes is None else lobes)
         self._chunks.append(tiles)
         self._latents.append(np.tile(np.float32(latent or NO_LATENT), (len(tiles), 1)))
@@ -282,6 +285,10 @@ def _normal_scale(n: NodeCall) -> np.ndarray:
         return scale[:1].astype(np.float32)
     normals = face_normals(n.points.corners)
     return np.linalg.norm(normals @ linear.T, axis=1).astype(np.float32)[:, None, None, None]
+
+
+def _unless_zero(values: np.ndarray) -> np.ndarray | None:
+    return values if values.any() else None
 
 
 def _is_negligible(radiance: np.ndarray, area: np.ndarray) -> np.ndarray:

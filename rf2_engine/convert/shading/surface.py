@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....model.material import fibre
 from ....model.pictures import LUMINANCE
 from ..data.arrays import mix_values
 from . import layers
@@ -114,6 +115,24 @@ def translucent(n: NodeCall):
     return closure
 
 
+def principled_hair(n: NodeCall):
+    """What a fibre sends back and through, each as if to all directions."""
+    n.folded(f"{n.node.bl_label} is shown as Diffuse and Translucent")
+    radial = n.get("Radial Roughness", 0.3)
+    if n.node.parametrization == "ABSORPTION":
+        absorption = np.maximum(n["Absorption Coefficient"], 0)
+    elif n.node.parametrization == "MELANIN":
+        melanin = n["Melanin"] * (1 + n.get("Random Color") * (2 * n.get("Random", 0.5) - 1))
+        absorption = (fibre.absorption_of_melanin(melanin, n["Melanin Redness"])
+                      + fibre.absorption_of_color(n["Tint"], radial))
+    else:
+        absorption = fibre.absorption_of_color(n["Color"], radial)
+    back, through = fibre.albedo(absorption, n["IOR"])
+    closure = lobe(back + through)
+    closure.fibre, closure.translucent = closure.lobe, np.minimum(through @ LUMINANCE[:, None], closure.lobe)
+    return closure
+
+
 def sheen(n: NodeCall):
     """As bright as its mean over all directions."""
     n.folded(f"{n.node.bl_label} is shown as Diffuse")
@@ -184,7 +203,8 @@ SHADERS = {
     "ShaderNodeMixShader": mix, "ShaderNodeAddShader": add,
     "ShaderNodeBsdfPrincipled": principled, "ShaderNodeBsdfDiffuse": diffuse, "ShaderNodeBsdfTranslucent": translucent,
     "ShaderNodeSubsurfaceScattering": subsurface, "ShaderNodeBsdfSheen": sheen, "ShaderNodeBsdfToon": toon,
-    "ShaderNodeBsdfHair": scattering, "ShaderNodeBsdfRayPortal": portal,
+    "ShaderNodeBsdfHair": scattering, "ShaderNodeBsdfHairPrincipled": principled_hair,
+    "ShaderNodeBsdfRayPortal": portal,
     "ShaderNodeBsdfVelvet": scattering, "ShaderNodeBsdfGlossy": glossy, "ShaderNodeBsdfAnisotropic": glossy,
     "ShaderNodeBsdfMetallic": glossy, "ShaderNodeBsdfGlass": glass, "ShaderNodeBsdfRefraction": glass,
     "ShaderNodeBsdfTransparent": transparent, "ShaderNodeEeveeSpecular": eevee_only,

@@ -118,3 +118,27 @@ def test_the_mean_normal_of_two_facets_lies_between_theirs(normal, expected):
 def test_on_one_surface_bumps_stay_as_they_are():
     flat = np.broadcast_to(np.float32((0, 0, 1)), (4, 4, 3))
     assert not lies_between(flat, flat).any()
+
+
+@pytest.mark.parametrize("traced", [False, True])
+def test_hair_is_diffuse_where_its_light_is_not_traced(traced):
+    """Cycles' passes have the colour of hair as a whole as gloss, which says little of a fibre's light."""
+    scene = scattered_scene(120, light=False)
+    scene.fibre = np.ones(1, np.float32)
+    view = square_view(np.block([[np.eye(3), np.float32([[0.1], [-0.2], [3]])], [np.float32([0, 0, 0, 1])]]), 45, SIZE)
+    origin, rays = view_rays(view)
+    triangle, distance = first_hits(scene.triangles.astype(np.float64), origin, rays.reshape(-1, 3).astype(np.float64))
+    hit, distance = (triangle >= 0).reshape(SIZE, SIZE, 1), distance.reshape(SIZE, SIZE, 1)
+    zero, inner = np.zeros((SIZE, SIZE, 3), np.float32), hit[..., 0]
+    for axis in (0, 1):
+        inner = inner & np.roll(inner, 2, axis) & np.roll(inner, -2, axis)
+    passes = {name: zero for name in ("normal", "diffuse_color", "transmission_color", "emission", "environment")}
+    passes |= {"alpha": np.float32(hit), "depth": distance.astype(np.float32), "glossy_color": zero + hit * np.float32(0.01)}
+    passes |= {"position": np.where(hit, origin + rays * distance, 0).astype(np.float32)}
+    guides = guides_from_passes(passes | ({"traced": zero} if traced else {}), scene, view, nearest_triangles)
+    if traced:
+        np.testing.assert_array_equal(guides.glossy_color, passes["glossy_color"])
+    else:
+        assert not guides.glossy_color[inner].any()
+        assert np.median(guides.diffuse_color[inner]) == pytest.approx(0.8, abs=1e-3)
+    assert passes["diffuse_color"] is zero and not zero.any()

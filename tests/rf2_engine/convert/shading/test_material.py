@@ -269,3 +269,20 @@ def test_colour_attribute_without_a_name_is_the_one_that_renders(output, expecte
     tree.links.new(node.outputs[output], shader.inputs["Color"])
     _, emission = MaterialTiles(Report()).triangle_tiles(copied(made), read_mesh(mesh, "Painted", Report()))
     np.testing.assert_allclose(emission[0], expected, atol=1e-5)
+
+
+def test_hair_of_one_color_is_the_same_by_its_color_and_its_melanin():
+    def tile(parametrization, **inputs):
+        made, _, node = material("ShaderNodeBsdfHairPrincipled")
+        node.parametrization = parametrization
+        for name, value in inputs.items():
+            node.inputs[name].default_value = value
+        tiles = MaterialTiles(Report())
+        index, _ = tiles.triangle_tiles(copied(made), triangles(1))
+        assert tiles.fibre[index] == 1 and 0 < tiles.translucent[index] < 1
+        return tiles.tiles[index[0], :3, 0, 0].astype(np.float32)
+
+    blond, dark = tile("MELANIN", Melanin=0.15), tile("MELANIN", Melanin=0.95)
+    assert (dark < 0.6 * blond).all() and blond[0] > blond[2] + 0.1
+    np.testing.assert_allclose(tile("COLOR", Color=(1, 1, 1, 1)), 1, atol=0.01)
+    np.testing.assert_allclose(tile("ABSORPTION", **{"Absorption Coefficient": (0, 0, 0)}), 1, atol=0.01)
