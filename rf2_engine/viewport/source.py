@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable
+from weakref import WeakSet
 
 import bpy
 
@@ -36,6 +37,7 @@ class Source:
         self.changes = Changes(everything=True, anything=True)
         self.copied: CopiedScene | None = None
         self.bare: CopiedScene | None = None  # of a large scene, before its images are read for the first copy
+        self.updated = WeakSet()        # viewports that Blender has updated since changes were noted last
         self.version = 0                # of the copy; 0: none yet
         self.error = ""                 # why it could not be copied
         self._cache = CopyCache()

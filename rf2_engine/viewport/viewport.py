@@ -72,6 +72,11 @@ class Viewport:
 
 def update(engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
     """After a change of the scene, and when a viewport begins to be Rendered."""
+    viewport = _viewport(engine)
+    if viewport.source is not None:
+        if viewport in viewport.source.updated:  # what handlers edit is evaluated without another call of handlers
+            note_changes(depsgraph.scene, depsgraph)
+        viewport.source.updated.add(viewport)
     _advance(engine, context, depsgraph)
 
 
@@ -131,6 +136,7 @@ def note_changes(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None =
     for key, source in list(_sources.items()):
         if key[:len(changed)] == changed:
             source.changes.add(depsgraph)
+            source.updated.clear()
 
 
 @persistent

@@ -15,7 +15,7 @@ from .normal_map import UP
 def image_texture(n: NodeCall):
     node, vector = n.node, n.linked("Vector")
     if node.image.source == "MOVIE":
-        n.left_to_cycles("movies are not supported, so it is magenta: render it to an image sequence")
+        n.left_to_cycles("of a movie estimated light sees one frame: render it to an image sequence")
     if vector is None:
         vector = active_uv(n) if n.points.direction is None else n.points.direction
     if node.projection == "BOX" and n.points.corners is not None:

@@ -133,8 +133,9 @@ def test_hair_is_diffuse_where_its_light_is_not_traced(traced):
     for axis in (0, 1):
         inner = inner & np.roll(inner, 2, axis) & np.roll(inner, -2, axis)
     passes = {name: zero for name in ("normal", "diffuse_color", "transmission_color", "emission", "environment")}
-    passes |= {"alpha": np.float32(hit), "depth": distance.astype(np.float32), "glossy_color": zero + hit * np.float32(0.01)}
-    passes |= {"position": np.where(hit, origin + rays * distance, 0).astype(np.float32)}
+    passes |= {"alpha": np.float32(hit), "depth": distance.astype(np.float32)}
+    passes |= {"glossy_color": zero + hit * np.float32(0.01),
+               "position": np.where(hit, origin + rays * distance, 0).astype(np.float32)}
     guides = guides_from_passes(passes | ({"traced": zero} if traced else {}), scene, view, nearest_triangles)
     if traced:
         np.testing.assert_array_equal(guides.glossy_color, passes["glossy_color"])

@@ -18,7 +18,8 @@ def test_black_hair_reflects_as_a_glass_rod_does():
     angle = np.linspace(0, np.pi / 2, 2000)
     inner = np.arcsin(np.sin(angle) / GLASSY)
     angle, inner = angle[1:], inner[1:]
-    fresnel = (np.sin(angle - inner) / np.sin(angle + inner)) ** 2 + (np.tan(angle - inner) / np.tan(angle + inner)) ** 2
+    less, more = angle - inner, angle + inner
+    fresnel = (np.sin(less) / np.sin(more)) ** 2 + (np.tan(less) / np.tan(more)) ** 2
     np.testing.assert_allclose(back, (fresnel / 2 * np.cos(angle)).sum() * angle[0], atol=2e-3)
     assert (on < 1e-3).all()
 

@@ -73,6 +73,29 @@ def test_a_picture_appears_and_follows_what_is_edited(scene, context):
     assert middle[1] > 1.5 * middle[0] > 0
 
 
+def test_a_change_that_no_handler_is_told_of_is_shown_too(scene, context):
+    """What a handler of frame changes edits is evaluated after it, with a call of `update` alone."""
+    paint = material("Paint", RED)
+    cube(scene, of=paint)
+    sun(scene)
+    engine, handlers = Engine(), bpy.app.handlers.depsgraph_update_post
+    shown(engine, context)
+
+    def update(_, evaluated):
+        viewport.update(engine, context, evaluated)
+
+    handlers.remove(viewport.note_changes)
+    handlers.append(update)
+    try:
+        paint.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (*GREEN, 1)
+        bpy.context.view_layer.update()
+    finally:
+        handlers.remove(update)
+        handlers.append(viewport.note_changes)
+    middle = shown(engine, context)[6:10, 10:14, :3].mean((0, 1))
+    assert middle[1] > 1.5 * middle[0] > 0
+
+
 def test_cycles_switched_off_is_said_in_the_viewport_until_it_is_on_again(scene, context, monkeypatch):
     drawn = []
     monkeypatch.setattr(viewport, "draw_message", lambda text, *size: drawn.append(text))  # there is no window
