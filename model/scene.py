@@ -158,6 +158,11 @@ class Guides:
     exit_normal: np.ndarray | None = None
     exit_color: np.ndarray | None = None
     exit_roughness: np.ndarray | None = None
+    # The same of any glass that they leave after a reflection where they would leave it first
+    inner_position: np.ndarray | None = None
+    inner_normal: np.ndarray | None = None
+    inner_color: np.ndarray | None = None
+    inner_roughness: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         h, w = self.depth.shape

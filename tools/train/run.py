@@ -15,6 +15,7 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
+from renderformer_v2.model.compute.precision import choose_precision
 from renderformer_v2.model.compute.threads import team
 from renderformer_v2.model.errors import CheckpointError
 from renderformer_v2.model.network.layers import RMSNorm, SwiGLU
@@ -27,7 +28,7 @@ from .memory import recompute
 from .state import TrainingState
 
 COMPILED = SwiGLU, RMSNorm  # chains of small operations between the products and attentions, which gain by it
-PRECISIONS = {"bf16": torch.bfloat16, "fp32": torch.float32}
+PRECISIONS = "auto", "bf16", "fp32"
 
 
 def run(state: TrainingState, config: TrainConfig, options: argparse.Namespace, scenes: Iterator,
@@ -51,7 +52,7 @@ def run(state: TrainingState, config: TrainConfig, options: argparse.Namespace, 
         compile_parts(state.model)
     recompute(state.model, config.recomputed)
     compute_losses = ranks.with_shared_gradients(state.model, compute_losses)
-    precision = PRECISIONS[options.precision]
+    precision = training_precision(options.precision, device)
     if ranks.is_first():
         size = sum(p.numel() for p in state.model.parameters())
         print(f"{ranks.count()} process(es), {size:,} parameters, step {state.step}", flush=True)
@@ -125,7 +126,7 @@ def add_arguments(parser: argparse.ArgumentParser, config: str) -> None:
                         help="of the --minutes, those at the end with a falling learning rate")
     parser.add_argument("--scenes-per-step", type=whole_number(1), metavar="N",
                         help="of all processes together (default: the configuration's)")
-    parser.add_argument("--precision", choices=PRECISIONS, default="bf16", help="of the products (default bf16)")
+    add_precision(parser)
     parser.add_argument("--compile", action="store_true", help="let torch.compile join small operations, for cards")
     parser.add_argument("--workers", type=whole_number(1), default=1, help="that read samples, for each process")
     parser.add_argument("--log-every", type=whole_number(1), default=50, metavar="STEPS", help="default 50")
@@ -133,6 +134,17 @@ def add_arguments(parser: argparse.ArgumentParser, config: str) -> None:
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     parser.add_argument("--threads", type=whole_number(0), default=0, help="processor threads (default: all)")
     parser.add_argument("--seed", type=int, default=0)
+
+
+def add_precision(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--precision", choices=PRECISIONS, default="auto",
+                        help="of the products (default: bf16 where the device multiplies it fast, else fp32)")
+
+
+def training_precision(name: str, device: torch.device) -> torch.dtype:
+    """One of PRECISIONS; never float16, in which gradients vanish."""
+    precision = choose_precision(name, device)
+    return torch.float32 if precision == torch.float16 else precision
 
 
 def run_command(train: Callable[[argparse.Namespace, TrainConfig], None], options: argparse.Namespace) -> int:

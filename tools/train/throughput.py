@@ -15,6 +15,7 @@ import time
 import torch
 
 from renderformer_v2.model.camera import square_view
+from renderformer_v2.model.compute.precision import NAMES
 from renderformer_v2.model.compute.threads import team
 from renderformer_v2.model.guided.network import new_network
 from renderformer_v2.model.network.config import ModelConfig
@@ -28,13 +29,14 @@ from tools.common.console import whole_number
 from .config import set_attention
 from .cost import tokens, training_flops
 from .losses import paper_loss, structure_loss
-from .run import PRECISIONS, compile_parts
+from .run import add_precision, compile_parts, training_precision
 from .state import TrainingState
 
 
 def measure(config: ModelConfig, options: argparse.Namespace) -> dict:
     """Seconds of a step with one scene and one view, the median of some after a first one."""
-    device, precision = torch.device(options.device), PRECISIONS[options.precision]
+    device = torch.device(options.device)
+    precision = training_precision(options.precision, device)
     torch.manual_seed(0)
     network = new_network(config).to(device).train()
     set_attention(network, dense=options.dense)
@@ -56,7 +58,7 @@ def measure(config: ModelConfig, options: argparse.Namespace) -> dict:
     step, count = statistics.median(seconds[1:]), len(inputs.light)
     flops = training_flops(config, count, options.resolution, dense=options.dense)
     return {"device": str(device), "triangles": count, "resolution": options.resolution, "dense": options.dense,
-            "precision": options.precision, "seconds": round(step, 3),
+            "precision": NAMES[precision], "seconds": round(step, 3),
             "tokens_per_second": round(sum(tokens(config, count, options.resolution)) / step),
             "tflop": round(flops / 1e12, 3), "flop_per_second": round(flops / step),
             "threads": torch.get_num_threads() if device.type == "cpu" else None,
@@ -70,7 +72,7 @@ def main() -> int:
     parser.add_argument("--resolution", type=whole_number(64), default=256)
     parser.add_argument("--dense", action="store_true", help="without the window, as in the paper's stages 1 and 2")
     parser.add_argument("--steps", type=whole_number(1), default=3)
-    parser.add_argument("--precision", choices=PRECISIONS, default="bf16")
+    add_precision(parser)
     parser.add_argument("--compile", action="store_true")
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     parser.add_argument("--threads", type=whole_number(0), default=0)

@@ -88,9 +88,10 @@ def _values(ends: list[PathEnds], lobe: PathLobe) -> dict[str, np.ndarray]:
               for kind in ("position", "normal", "color", "light")}
     if lobe.ray == Ray.GLOSSY:
         values["reflected_light"] *= values["reflected_normal"].any(1, keepdims=True)  # the rest is direct light
-    if any(chunk.lobe.color.any() for chunk in ends):
-        values |= {f"{lobe.first_lobe}_{kind.name}": np.concatenate([getattr(chunk.lobe, kind.name) for chunk in ends])
-                   for kind in dataclass_fields(Lobe)}
+    for name, lobes in ((lobe.first_lobe, [chunk.lobe for chunk in ends]), ("inner", [chunk.inner for chunk in ends])):
+        if any(chunk.color.any() for chunk in lobes):
+            values |= {f"{name}_{kind.name}": np.concatenate([getattr(chunk, kind.name) for chunk in lobes])
+                       for kind in dataclass_fields(Lobe)}
     return values
 
 

@@ -30,12 +30,12 @@ def rough_facets(ray: np.ndarray, normal: np.ndarray, roughness: np.ndarray, sta
 
 
 def exit_lobe(ray: np.ndarray, normal: np.ndarray, roughness: np.ndarray,
-              ior: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+              ior: np.ndarray, least: float = LEAST_ROUGHNESS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The lobe in which unit rays (P, 3) leave glass through a rough surface, as that of a mirror that is seen from the
     front: its axis (P, 3), its roughness (P,), and the share of light (P,) that gets out.
 
     normal: (P, 3), unit, facing the rays; roughness: (P,), perceptual; ior: (P,). There is none where steep rays stay
-    inside, and where smooth glass shows an image.
+    inside, and where glass is smoother than `least` and shows an image.
     """
     axis = refracted(ray, normal, ior, np.ones(len(ray), bool))
     within, without = -dot(ray, normal), -dot(axis, normal)
@@ -44,5 +44,5 @@ def exit_lobe(ray: np.ndarray, normal: np.ndarray, roughness: np.ndarray,
     turn = np.arcsin(np.minimum(ior * turned, 1)) / np.arcsin(turned).clip(1e-4)
     turn = turn * within / without.clip(0.05) - 1  # of the ray for a turn of the facet; a mirror turns it by 2
     share = (1 - fresnel(within, 1 / ior)) / (1 + alpha2 * (ior ** 2 - 1))  # other facets are too steep
-    share *= (without > 0) & (roughness > LEAST_ROUGHNESS)
+    share *= (without > 0) & (roughness > least)
     return axis, np.minimum(roughness * np.sqrt(turn.clip(0.1) / 2), 1), share

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...geometry import dot, reflected, refracted
+from ...material.reflectance import fresnel
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
 from ...shading import seen_sky, surface
 from ...surface_kinds import Ray
-from .facets import exit_lobe, rough_facets
+from .facets import LEAST_ROUGHNESS, exit_lobe, rough_facets
 
 SURFACES = 6       # a path passes at most
 SMOOTH = 0.5       # roughness up to which a metal is a mirror
@@ -24,6 +25,8 @@ LEAST_CLEAR = 0.1  # the same of its inside, which only light meets that has pas
 TURBID = 0.6       # transmission below which the inside lets less light out
 LIFT = 1e-4        # of the longest segment so far, that a ray starts off its surface
 SHARP, BLURRED = 0.15, 0.35  # roughness up to which a reflection is an image, and from which it is a mean over the lobe
+
+LEAST_BLUR = 0.03  # roughness of smooth glass in which lamps are mirrored
 
 Cast = Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
 Media = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -38,6 +41,7 @@ class PathEnds:
     color: np.ndarray     # (P, 3) f32, diffuse albedo there times the tint of the path; 0 = no surface
     light: np.ndarray     # (P, 3) f32, radiance of the lamp or the sky there times the tint of the path
     lobe: Lobe            # of what the paths meet first, if that is metal, or rough glass that they leave
+    inner: Lobe           # of what leaves glass after a reflection where the paths leave it first
 
 
 @dataclass
@@ -48,6 +52,10 @@ class Lobe:
     normal: np.ndarray     # (P, 3) f32, unit, of metal, facing the path; where glass is left, axis of the lobe
     color: np.ndarray      # (P, 3) f32; 0 = none
     roughness: np.ndarray  # (P, 1) f32
+
+    def set(self, rows: np.ndarray, lobe: Lobe) -> None:
+        for own, other in zip(vars(self).values(), vars(lobe).values(), strict=True):
+            own[rows] = other
 
 
 def blur(roughness):
@@ -68,7 +76,7 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
     take glass for smooth. Lamps that the `lobe` shows are not in the light.
     """
     zeros = lambda channels: np.zeros((len(origin), channels), np.float32)  # noqa: E731
-    ends = PathEnds(*map(zeros, (3, 3, 3, 3)), Lobe(*map(zeros, (3, 3, 3, 1))))
+    ends = PathEnds(*map(zeros, (3, 3, 3, 3)), *(Lobe(*map(zeros, (3, 3, 3, 1))) for _ in range(2)))
     shows_lamps = np.ones(len(origin), bool)
     path, tint = np.arange(len(origin)), np.ones((len(origin), 3), np.float32)
     kind = np.full(len(origin), Ray.GLOSSY if start is None else Ray.TRANSMISSION, np.uint8)
@@ -96,18 +104,19 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
         base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC], texel[:, TRANSMISSION]
         is_glass = (transmission > np.where(inside, LEAST_CLEAR, CLEAR)) & (metallic <= PURE)
         leaves = is_glass & inside
-        kept = 1 - metallic[:, None] * np.where(inside[:, None], 1 - base, 1)  # metal mirrors some, inside once more
-        tint = tint * np.where(is_glass[:, None], kept * tint_of_glass(base), base)
-        tint[leaves] *= (transmission[leaves, None] / TURBID).clip(max=1)
+        arrived = tint
+        tint = tint * np.where(is_glass[:, None], _tint_of_surface(texel, inside), base)
         facet, shows_lamps[path] = normal, True
         if start is not None:
             facet = rough_facets(direction, normal, texel[:, ROUGHNESS] * is_glass, start[path], SURFACES - remaining)
         if remaining == SURFACES - 1:
             lobe = _metal_lobe(point, normal, texel) if start is None else _exit_lobe(
                 point, normal, texel, direction, leaves, tint)
-            for of_all, found in zip(vars(ends.lobe).values(), vars(lobe).values(), strict=True):
-                of_all[path] = found
+            ends.lobe.set(path, lobe)
             shows_lamps[path] = ~lobe.color.any(1)
+            if start is not None and leaves.any():
+                ends.inner.set(path[leaves], _inner_lobe(scene, cast, *(
+                    x[leaves] for x in (point, normal, texel, direction, arrived, reach))))
         ends.position[path], ends.normal[path] = point, normal
         matte = np.where(metallic > PURE, 1, (1 - metallic) * (1 - transmission))  # a rough metal counts as matte
         goes_on = is_glass | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)
@@ -128,10 +137,34 @@ def _metal_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray) -> Lob
     return Lobe(point, normal, texel[:, BASE_COLOR] * mirrors, texel[:, ROUGHNESS, None])
 
 
+def _inner_lobe(scene: RenderScene, cast: Cast, point: np.ndarray, normal: np.ndarray, texel: np.ndarray,
+                direction: np.ndarray, tint: np.ndarray, reach: np.ndarray) -> Lobe:
+    """The same where paths that are reflected at such points, inside of glass, leave it next."""
+    ior, first = texel[:, IOR].clip(1), texel[:, ROUGHNESS, None]
+    mirrors = texel[:, METALLIC, None] * texel[:, BASE_COLOR]
+    inner = fresnel(-dot(direction, normal), 1 / ior)[:, None]
+    direction = reflected(direction, normal)
+    origin = point + LIFT * reach[:, None] * direction
+    triangle, distance = cast(origin, direction)[:2]
+    point = origin + np.where(triangle < 0, 0, distance)[:, None] * direction
+    normal, inside, texel = surface(scene, triangle, point, direction)
+    lobe = _exit_lobe(point, normal, texel, direction, inside & (triangle >= 0), tint * (
+        mirrors + (1 - mirrors) * inner) * _tint_of_surface(texel, inside), least=-1)
+    lobe.roughness = ((lobe.roughness ** 4 + first ** 4) ** 0.25).clip(LEAST_BLUR, 1).astype(np.float32)
+    return lobe
+
+
+def _tint_of_surface(texel: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """(P, 3) of glass with material texels (P, C), for what passes it from its inside or outside (P,)."""
+    base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC, None], texel[:, TRANSMISSION, None]
+    kept = 1 - metallic * np.where(inside[:, None], 1 - base, 1)  # metal mirrors some, inside once more
+    return kept * tint_of_glass(base) * np.where(inside[:, None], (transmission / TURBID).clip(max=1), 1)
+
+
 def _exit_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray, direction: np.ndarray,
-               is_inside: np.ndarray, tint: np.ndarray) -> Lobe:
+               is_inside: np.ndarray, tint: np.ndarray, least: float = LEAST_ROUGHNESS) -> Lobe:
     """The same where paths of a tint (P, 3) leave glass that they are inside of (P,), along unit directions (P, 3)."""
-    axis, roughness, share = exit_lobe(direction, normal, texel[:, ROUGHNESS], texel[:, IOR].clip(1))
+    axis, roughness, share = exit_lobe(direction, normal, texel[:, ROUGHNESS], texel[:, IOR].clip(1), least)
     share = is_inside * share * np.maximum(texel[:, TRANSMISSION], TURBID)
     return Lobe(point, axis, tint * share[:, None], roughness[:, None])
 

@@ -80,8 +80,10 @@ def mirrored_highlights(guides: Guides, surfaces: HitSurfaces, direct: DirectLig
 
 
 def exit_highlights(guides: Guides, direct: DirectLight) -> Tensor:
-    """(h, W, 3) radiance of the lamps that are seen through the rough glass that refractions leave first."""
-    return _highlights(guides, "exit", direct, lambda at, x, n, roughness: (n, roughness))
+    """(h, W, 3) radiance of the lamps that are seen through the rough glass that refractions leave first, and of those
+    that all glass mirrors inside."""
+    return sum(_highlights(guides, lobe, direct, lambda at, x, n, roughness: (n, roughness))
+               for lobe in ("exit", "inner"))
 
 
 def _highlights(guides: Guides, lobe: str, direct: DirectLight,
