@@ -26,9 +26,11 @@ Passes = dict[str, np.ndarray]  # of one view: {key: (H, W, C) f32}, row 0 on to
 NearestTriangles = Callable[[np.ndarray, np.ndarray], np.ndarray]  # (N, 3, 3) triangles, (k, 3) points -> (k,) indices
 
 # A pixel's ray belongs to the triangle that it hits if that hit lies within this fraction of the distance of what
-# Cycles saw. Decimated meshes and displacement pass; what Cycles' camera does not see (alpha cut-outs, hidden objects)
-# fails, and the triangle nearest to what it saw is taken instead.
+# Cycles saw, or of so many pictures beside each other there: orthographic cameras are far away. Decimated meshes and
+# displacement pass; what Cycles' camera does not see (alpha cut-outs, hidden objects) fails, and the triangle nearest to
+# what it saw is taken instead.
 TOLERANCE = 0.01
+PICTURES = 3
 # Camera rays pass through lamps, which may hang just below a ceiling: a light that shows no emission must fit closely.
 UNSEEN_LIGHT_TOLERANCE = 1e-4
 NOTHING_HIT = 1e9    # Cycles' Depth is 1e10 where the pixel's centre hits nothing
@@ -192,20 +194,22 @@ def _first_surfaces(scene: RenderScene, view: View, target: np.ndarray, hit: np.
                     nearest_triangles: NearestTriangles) -> FirstSurfaces:
     """Those of the S pixels of `hit` (H, W) at which Cycles saw points `target` (S, 3) that emit light (S,) or not.
 
-    The first one on the pixel's ray, visible or not; if what Cycles saw is not there, the first visible one; if it is
-    not there either, the token triangle nearest to it.
+    The first one on the pixel's ray; if what Cycles saw is not there, the first visible one; if it is not there either,
+    the token triangle nearest to it.
     """
     eye, (rows, columns) = view.camera_to_world[:3, 3], np.nonzero(hit)
     rays = view_rays_at(view, columns + 0.5, rows + 0.5)[1]
+    close = TOLERANCE * min(PICTURES * view.longer_side / view.focal.max(), 1)
     result, remaining = FirstSurfaces.empty(target.copy()), np.arange(len(target))
     with part(0.0, 0.5, FINDING):
         for kinds in (ALL, SEEN):
             hits = scene_rays(scene).among(kinds, Ray.CAMERA).closest(eye, rays[remaining])
             away = np.linalg.norm(hits.distance[:, None] * rays[remaining] + eye - target[remaining], axis=1)
             away /= np.linalg.norm(target[remaining] - eye, axis=1)
-            unseen_light = scene.is_light[scene.surfaces.token[hits.triangle]] & ~emits[remaining]
-            tolerance = np.where(unseen_light, UNSEEN_LIGHT_TOLERANCE, TOLERANCE)
-            fits = (hits.triangle >= 0) & (away <= tolerance)
+            token = scene.surfaces.token[hits.triangle]
+            is_light = scene.is_light[token]
+            tolerance = np.where(is_light & ~emits[remaining], UNSEEN_LIGHT_TOLERANCE, close)
+            fits = (hits.triangle >= 0) & (away <= tolerance) & (is_light | scene.is_seen[token])
             fitting = remaining[fits]
             result.set(fitting, FirstSurfaces.of_hits(scene, Hits(*(x[fits] for x in hits)), eye, rays[fitting]))
             remaining = remaining[~fits]

@@ -20,6 +20,7 @@ from .. import compat
 from .. import passes as pass_table
 from ..convert.copying.visibility import catching_hosts, shadow_catchers
 from ..convert.data.report import Report
+from ..convert.shading.closure import BRIGHTEST
 from ..sampling import Sampling
 from ..settings import Light
 from ..setup import packages
@@ -231,13 +232,18 @@ def _tile_size(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, l
 
 
 def _make_finite(rendered: Passes, report: Report) -> None:
-    """Normalised vectors of no length are NaN in Cycles: it lets a pixel be black then, but not its passes."""
+    """Normalised vectors of no length are NaN in Cycles: it lets a pixel be black then, but not its passes.
+
+    Colours of surfaces end where the scene's do: beyond, light times them is no number.
+    """
     for key, values in rendered.items():
         if not np.isfinite(values).all():
             report.approximated(key.replace("_", " ").title(),
                                 "where Cycles' pass holds no number, 0 is taken: look for a Normal or Tangent of 0 in "
                                 "materials")
-            rendered[key] = np.nan_to_num(values, posinf=HALF_MAX, neginf=-HALF_MAX)
+            values = np.nan_to_num(values, posinf=HALF_MAX, neginf=-HALF_MAX)
+        is_color = key.endswith("_color") and values.max(initial=0) > BRIGHTEST
+        rendered[key] = np.minimum(values, BRIGHTEST) if is_color else values
 
 
 def _set_camera(depsgraph: bpy.types.Depsgraph, model: CameraModel, override) -> None:

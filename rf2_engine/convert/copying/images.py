@@ -74,7 +74,13 @@ def _reduced(pyramid: Pyramid) -> Pyramid:
 
 
 def _as_cycles(image, pixels: np.ndarray, straight: bool) -> Pyramid:
-    """Bytes of sRGB are interpolated in its curve, and multiplied with alpha in it; data never are."""
+    """Bytes of sRGB are interpolated in its curve, and multiplied with alpha in it; data never are.
+
+    Texels that are infinite are clear, as in Cycles.
+    """
+    if image.is_float and not np.isfinite(pixels).all():
+        pixels[np.isinf(pixels).any(axis=-1)] = 0
+        np.nan_to_num(pixels, copy=False)
     space, mode = image.colorspace_settings.name, image.alpha_mode
     if mode == "NONE":
         pixels[..., 3] = 1

@@ -143,3 +143,28 @@ def test_hair_is_diffuse_where_its_light_is_not_traced(traced):
         assert not guides.glossy_color[inner].any()
         assert np.median(guides.diffuse_color[inner]) == pytest.approx(0.8, abs=1e-3)
     assert passes["diffuse_color"] is zero and not zero.any()
+
+
+def test_what_cameras_do_not_see_is_not_what_a_distant_camera_saw():
+    """As from an orthographic one, which counts as far away: a lamp hangs in the picture's middle, before a wall."""
+    far, size = 100.0, 1.0
+    corners = np.float32([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]) * size
+    square = corners[[(0, 1, 2), (0, 2, 3)]]
+    back = square * np.float32(0.3) + np.float32((0, 0, 0.5))  # within 1 % of the distance before the wall
+    rows = np.zeros((4, 3), np.float32)
+    scene = RenderScene(np.concatenate([square, back]), np.tile(np.float32((0, 0, 1)), (4, 3, 1)), rows, rows,
+                        rows[:, :2], np.zeros(4, np.int32), constant_tile((0.8, 0.8, 0.8))[None],
+                        seen=np.array([True, True, False, False]))
+    camera = np.eye(4, dtype=np.float32)
+    camera[2, 3] = far
+    view = square_view(camera, np.degrees(2 * np.arctan(0.9 / far)), SIZE)
+    origin, rays = view_rays(view)
+    distance = -far / rays[..., 2:]
+    position = (origin + rays * distance).astype(np.float32)
+    zero, ones = np.zeros_like(position), np.ones((SIZE, SIZE, 1), np.float32)
+    passes = {name: zero for name in ("diffuse_color", "glossy_color", "transmission_color", "emission", "environment")}
+    passes |= {"normal": zero + np.float32((0, 0, 1)), "alpha": ones, "depth": distance.astype(np.float32),
+               "position": position}
+    guides = guides_from_passes(passes, scene, view, nearest_triangles)
+    assert (guides.hit_triangle < 2).all()
+    np.testing.assert_allclose(guides.position, position, atol=1e-3)

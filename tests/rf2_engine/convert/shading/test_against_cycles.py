@@ -11,7 +11,7 @@ MOST = 0.01
 def assert_alike(cases, most=MOST):
     wrong = [f"{case}: {error(ours, cycles):.3f} {lines}"
              for case, (ours, cycles, lines) in zip(cases, compare(cases), strict=True)
-             if error(ours, cycles) > most or bool(lines) != case.is_reported]
+             if not error(ours, cycles) <= most or bool(lines) != case.is_reported]
     assert not wrong, "\n".join(wrong)
 
 

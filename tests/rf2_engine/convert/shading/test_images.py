@@ -97,7 +97,11 @@ def test_files_of_every_kind_are_as_in_cycles(tmp_path):
     loose[..., :3] *= loose[..., 3:]
     premultiplied = written(tmp_path / "premultiplied.png", loose)
     high = written(tmp_path / "high.exr", texels(2, SMALL) * np.float32((3, 3, 3, 1)), "OPEN_EXR")
+    odd = texels(5, SMALL)
+    odd[1, 2, 0], odd[3, 3, 1] = np.inf, np.nan
+    numberless = written(tmp_path / "numberless.exr", odd, "OPEN_EXR")
     cases = [
+        shown(opened(numberless), interpolation="Closest"), shown(opened(numberless, "Linear Rec.709")),
         *(shown(opened(picture), extension=extension, interpolation=interpolation)
           for extension in ("REPEAT", "EXTEND", "CLIP", "MIRROR")
           for interpolation in ("Linear", "Closest", "Cubic", "Smart")),
