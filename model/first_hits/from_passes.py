@@ -26,7 +26,7 @@ Passes = dict[str, np.ndarray]  # of one view: {key: (H, W, C) f32}, row 0 on to
 NearestTriangles = Callable[[np.ndarray, np.ndarray], np.ndarray]  # (N, 3, 3) triangles, (k, 3) points -> (k,) indices
 
 # A pixel's ray belongs to the triangle that it hits if that hit lies within this fraction of the distance of what
-# Cycles saw, or of so many pictures beside each other there: orthographic cameras are far away. Decimated meshes and
+# Cycles saw, or of so many pictures in a row there: orthographic cameras are far away. Decimated meshes and
 # displacement pass; what Cycles' camera does not see (alpha cut-outs, hidden objects) fails, and the triangle nearest to
 # what it saw is taken instead.
 TOLERANCE = 0.01

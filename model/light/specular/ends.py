@@ -34,11 +34,13 @@ class PathLobe(NamedTuple):
     bounces: str
     ray: Ray
     least: float     # albedo from which on paths are followed
-    first_lobe: str  # name of the lobe of what paths meet first
+    first_lobe: str  # names of `PathEnds.lobe` and `PathEnds.other`
+    other_lobe: str
 
 
-LOBES = (PathLobe("reflected", "glossy_color", "glossy", Ray.GLOSSY, 0.08, "mirrored"),  # above plastic's
-         PathLobe("refracted", "transmission_color", "transmission", Ray.TRANSMISSION, 0.05, "exit"))
+LOBES = (PathLobe("reflected", "glossy_color", "glossy", Ray.GLOSSY, 0.08, "mirrored", "layer"),  # above plastic's
+         PathLobe("refracted", "transmission_color", "transmission", Ray.TRANSMISSION, 0.05, "exit",
+                   "inner"))
 
 
 def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
@@ -88,7 +90,8 @@ def _values(ends: list[PathEnds], lobe: PathLobe) -> dict[str, np.ndarray]:
               for kind in ("position", "normal", "color", "light")}
     if lobe.ray == Ray.GLOSSY:
         values["reflected_light"] *= values["reflected_normal"].any(1, keepdims=True)  # the rest is direct light
-    for name, lobes in ((lobe.first_lobe, [chunk.lobe for chunk in ends]), ("inner", [chunk.inner for chunk in ends])):
+    for name, lobes in ((lobe.first_lobe, [chunk.lobe for chunk in ends]),
+                        (lobe.other_lobe, [chunk.other for chunk in ends])):
         if any(chunk.color.any() for chunk in lobes):
             values |= {f"{name}_{kind.name}": np.concatenate([getattr(chunk, kind.name) for chunk in lobes])
                        for kind in dataclass_fields(Lobe)}

@@ -41,7 +41,7 @@ class PathEnds:
     color: np.ndarray     # (P, 3) f32, diffuse albedo there times the tint of the path; 0 = no surface
     light: np.ndarray     # (P, 3) f32, radiance of the lamp or the sky there times the tint of the path
     lobe: Lobe            # of what the paths meet first, if that is metal, or rough glass that they leave
-    inner: Lobe           # of what leaves glass after a reflection where the paths leave it first
+    other: Lobe           # of the layer on what reflections meet first; of what leaves glass after one more reflection
 
 
 @dataclass
@@ -114,8 +114,10 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
                 point, normal, texel, direction, leaves, tint)
             ends.lobe.set(path, lobe)
             shows_lamps[path] = ~lobe.color.any(1)
-            if start is not None and leaves.any():
-                ends.inner.set(path[leaves], _inner_lobe(scene, cast, *(
+            if start is None:
+                ends.other.set(path, _layer_lobe(point, normal, texel, direction))
+            elif leaves.any():
+                ends.other.set(path[leaves], _inner_lobe(scene, cast, *(
                     x[leaves] for x in (point, normal, texel, direction, arrived, reach))))
         ends.position[path], ends.normal[path] = point, normal
         matte = np.where(metallic > PURE, 1, (1 - metallic) * (1 - transmission))  # a rough metal counts as matte
@@ -135,6 +137,12 @@ def _metal_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray) -> Lob
     """At points (P, 3) of surfaces with these normals (P, 3) and material texels (P, C)."""
     mirrors = texel[:, METALLIC, None] > PURE
     return Lobe(point, normal, texel[:, BASE_COLOR] * mirrors, texel[:, ROUGHNESS, None])
+
+
+def _layer_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray, direction: np.ndarray) -> Lobe:
+    """The same of a dielectric layer, or of glass, that unit directions (P, 3) reach from outside."""
+    share = (1 - texel[:, METALLIC]) * fresnel(-dot(direction, normal), texel[:, IOR].clip(1))
+    return Lobe(point, normal, np.repeat(share[:, None], 3, 1), texel[:, ROUGHNESS, None].clip(LEAST_BLUR))
 
 
 def _inner_lobe(scene: RenderScene, cast: Cast, point: np.ndarray, normal: np.ndarray, texel: np.ndarray,

@@ -32,7 +32,8 @@ def reflected_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, 
     if "complete" in light and guides.reflected_light is not None:
         mean = ((surfaces.roughness[..., None] - FINE[0]) / (FINE[1] - FINE[0])).clamp(0, 1)
         light["complete"] = (light["complete"] + tensors_on(direct.device)(guides.reflected_light)
-                             + torch.lerp(mirrored_highlights(guides, surfaces, direct), highlights, mean))
+                             + torch.lerp(mirrored_highlights(guides, surfaces, direct, "mirrored"), highlights, mean)
+                             + mirrored_highlights(guides, surfaces, direct, "layer"))
     return light, has_end
 
 
@@ -68,15 +69,16 @@ def path_end_light(make_probes: Callable[..., Probes], outgoing: Callable[..., d
     return {kind: radiance * color for kind, radiance in light.items()}, (normal != 0).any(-1, keepdim=True)
 
 
-def mirrored_highlights(guides: Guides, surfaces: HitSurfaces, direct: DirectLight) -> Tensor:
-    """(h, W, 3) radiance of the lamps that are mirrored by the metal that reflections meet first.
+def mirrored_highlights(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, lobe: str) -> Tensor:
+    """(h, W, 3) radiance of the lamps that are mirrored by what reflections meet first, its metal ("mirrored") or its
+    dielectric "layer".
 
     The lobe of that is as much wider as the surface's own is.
     """
     def widened(at: tuple[Tensor, Tensor], x: Tensor, n: Tensor, roughness: Tensor) -> tuple[Tensor, Tensor]:
         return F.normalize(surfaces.position[at] - x, dim=-1), (roughness ** 4 + surfaces.roughness[at] ** 4) ** 0.25
 
-    return _highlights(guides, "mirrored", direct, widened)
+    return _highlights(guides, lobe, direct, widened)
 
 
 def exit_highlights(guides: Guides, direct: DirectLight) -> Tensor:
