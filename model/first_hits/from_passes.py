@@ -27,8 +27,8 @@ NearestTriangles = Callable[[np.ndarray, np.ndarray], np.ndarray]  # (N, 3, 3) t
 
 # A pixel's ray belongs to the triangle that it hits if that hit lies within this fraction of the distance of what
 # Cycles saw, or of so many pictures in a row there: orthographic cameras are far away. Decimated meshes and
-# displacement pass; what Cycles' camera does not see (alpha cut-outs, hidden objects) fails, and the triangle nearest to
-# what it saw is taken instead.
+# displacement pass; what Cycles' camera does not see (alpha cut-outs, hidden objects) fails, and the triangle nearest
+# to what it saw is taken instead.
 TOLERANCE = 0.01
 PICTURES = 3
 # Camera rays pass through lamps, which may hang just below a ceiling: a light that shows no emission must fit closely.

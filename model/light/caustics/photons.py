@@ -109,17 +109,20 @@ def _bend(scene: RenderScene, row: np.ndarray, at: np.ndarray, ray: np.ndarray,
           chance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Unit directions (N, 3) in which photons go on that hit glass along unit rays (N, 3), and their tint (N, 3).
 
-    Reflected with the probability of the Fresnel reflectance, else refracted; chance: (N, 3).
+    Reflected with the probability of the reflectance by Fresnel and of metal, else refracted; chance: (N, 3).
     """
     normal, inside, texel = surface(scene, row, at, ray)
     ior, alpha = texel[:, IOR].clip(1), blurred(texel[:, ROUGHNESS]) ** 2
     facet = visible_facets(normal, ray, alpha, chance[:, :2])
-    is_reflected = chance[:, 2] < fresnel(-dot(ray, facet), np.where(inside, 1 / ior, ior))
+    share, metallic = fresnel(-dot(ray, facet), np.where(inside, 1 / ior, ior)), texel[:, METALLIC]
+    mirrors = metallic + (1 - metallic) * share
+    is_reflected = chance[:, 2] < mirrors
     out = unit(np.where(is_reflected[:, None], reflected(ray, facet), refracted(ray, facet, ior, inside)))
     same_side = dot(out, _side_normals(scene.surfaces.triangles[row], ray)) > 0
     passes = unmasked(dot(ray, normal), dot(out, normal), alpha) * (same_side == is_reflected)
-    transmission = texel[:, TRANSMISSION] * (1 - texel[:, METALLIC])
-    tint = np.where(is_reflected[:, None], 1, transmission[:, None] * tint_of_glass(texel[:, BASE_COLOR]))
+    metal = (metallic / np.maximum(mirrors, 1e-9))[:, None]  # of what is reflected
+    tint = np.where(is_reflected[:, None], 1 - metal + metal * texel[:, BASE_COLOR],
+                    texel[:, TRANSMISSION, None] * tint_of_glass(texel[:, BASE_COLOR]))
     # In Cycles radiance stays as it is where a ray is bent, though rays into glass come closer together.
     gain = np.where(is_reflected, 1, np.where(inside, ior, 1 / ior) ** 2)
     return out, ((passes * gain)[:, None] * tint).astype(np.float32)
