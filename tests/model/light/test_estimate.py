@@ -80,33 +80,36 @@ def test_bands_of_a_large_picture_change_nothing(monkeypatch):
         torch.testing.assert_close(getattr(bands, name), getattr(whole, name))
 
 
-def test_a_mirror_shows_the_highlight_of_the_metal_that_it_shows():
-    """As if what the camera sees were a mirror, which shows metal below the lamp."""
+@pytest.mark.parametrize("lobe", ["mirrored", "layer"])
+def test_a_mirror_shows_the_highlight_of_what_it_shows(lobe):
+    """As if what the camera sees were a mirror, which shows metal, or a layer, below the lamp."""
     scene, (view, guides) = floor_scene(), floor_view()
     scene.tiles[:, ROUGHNESS] = 0.02
     shape = guides.position.shape
     up = np.broadcast_to(np.float16((0, 0, 1)), shape)
-    metal = {"mirrored_position": np.zeros(shape, np.float32), "mirrored_color": np.full(shape, 0.5, np.float16),
-             "mirrored_roughness": np.full((*shape[:2], 1), 0.3, np.float16),
+    metal = {f"{lobe}_position": np.zeros(shape, np.float32), f"{lobe}_color": np.full(shape, 0.5, np.float16),
+             f"{lobe}_roughness": np.full((*shape[:2], 1), 0.3, np.float16),
              "reflected_position": guides.position, "reflected_normal": up,
              "reflected_color": np.zeros(shape, np.float16), "reflected_light": np.zeros(shape, np.float32)}
     light = scene_light(scene)
-    dark, lit = (estimate_light(light, view, replace(guides, mirrored_normal=normal, **metal)).reflected
+    dark, lit = (estimate_light(light, view, replace(guides, **{f"{lobe}_normal": normal}, **metal)).reflected
                  for normal in (-up, up))
     assert dark.max() == 0 < lit.max()
 
 
-def test_rough_glass_shows_the_lamps_that_its_lobe_covers():
+@pytest.mark.parametrize("lobe", ["exit", "inner"])
+def test_rough_glass_shows_the_lamps_that_its_lobe_covers(lobe):
     """As if what the camera sees were glass, which light leaves upwards or downwards below the lamp."""
     scene, (view, guides) = floor_scene(), floor_view()
     shape = guides.position.shape
     up = np.broadcast_to(np.float16((0, 0, 1)), shape)
-    glass = {"transmission_color": guides.diffuse_color, "exit_position": np.zeros(shape, np.float32),
-             "exit_color": np.full(shape, 0.5, np.float16), "exit_roughness": np.full((*shape[:2], 1), 0.3, np.float16),
+    glass = {"transmission_color": guides.diffuse_color, f"{lobe}_position": np.zeros(shape, np.float32),
+             f"{lobe}_color": np.full(shape, 0.5, np.float16),
+             f"{lobe}_roughness": np.full((*shape[:2], 1), 0.3, np.float16),
              "refracted_position": guides.position, "refracted_normal": up,
              "refracted_color": np.zeros(shape, np.float16), "refracted_light": np.zeros(shape, np.float32)}
     light = scene_light(scene)
-    dark, lit = (estimate_light(light, view, replace(guides, exit_normal=normal, **glass)).direct[:, 2]
+    dark, lit = (estimate_light(light, view, replace(guides, **{f"{lobe}_normal": normal}, **glass)).direct[:, 2]
                  for normal in (-up, up))
     assert dark.max() == 0 < lit.max()
 

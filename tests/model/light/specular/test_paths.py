@@ -211,6 +211,31 @@ def test_lamps_behind_rough_glass_are_left_to_its_lobe():
     assert rough.lobe.color[:, 0] == pytest.approx(rough.lobe.color[:, 1] / 2) and rough.lobe.color[0, 1] > 0.9
 
 
+def test_the_layer_that_a_mirror_shows_has_a_lobe_as_strong_as_fresnel_says():
+    for tile, share in ((constant_tile(RED, roughness=0.3, ior=1.5), 0.04),
+                        (constant_tile(GOLD, metallic=1.0, roughness=0.3), 0),
+                        (constant_tile((1, 1, 1), roughness=0.3, ior=2.0, transmission=1.0), 1 / 9)):
+        layer = ends(walls((2, -1, tile), (-1, 1, constant_tile()))).other
+        np.testing.assert_allclose(layer.color, [(share,) * 3], atol=1e-3)
+        np.testing.assert_allclose(layer.position, [(2, 0, 0)], atol=1e-5)
+        np.testing.assert_allclose(layer.normal, [(-1, 0, 0)], atol=1e-5)
+        assert layer.roughness[0, 0] == pytest.approx(0.3, abs=1e-3)
+
+
+def test_glass_has_a_lobe_where_its_inside_mirrors_paths_back_out():
+    """From within a pane between X = -1 and 1."""
+    for roughness, metallic in (0.0, 0.0), (0.3, 0.0), (0.3, 0.4):
+        glass = constant_tile((1, 1, 1), roughness=roughness, ior=1.5, transmission=1.0, metallic=metallic)
+        scene = walls((-1, -1, glass), (1, 1, glass), (4, -1, constant_tile(RED)))
+        inner = follow_paths(scene, along_x(scene), np.zeros((1, 3)), np.float64([(1, 0, 0)]), np.float32((-0.5, 0, 0)),
+                             start=pixel_starts(*np.zeros((2, 1), int))).other
+        np.testing.assert_allclose(inner.position, [(-1, 0, 0)], atol=2e-3)
+        np.testing.assert_allclose(inner.normal, [(-1, 0, 0)], atol=1e-3)
+        mirrors = metallic + (1 - metallic) * 0.04
+        assert 0.85 * mirrors < inner.color[0, 0] <= mirrors
+        assert roughness < inner.roughness[0, 0] < roughness + 0.1
+
+
 def test_the_beam_of_a_lamp_is_seen_from_where_it_shines():
     for axis, radiance in ((1, 1), (-1, 0)):
         scene = walls((2, -1, constant_tile()), shines=True)
