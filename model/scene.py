@@ -152,11 +152,13 @@ class Guides:
     mirrored_normal: np.ndarray | None = None
     mirrored_color: np.ndarray | None = None
     mirrored_roughness: np.ndarray | None = None
-    # The same of the dielectric layer, or the glass, that they meet first
+    # The same of the dielectric layer, or the glass, that they meet first, and (H, W, 1) its reflectance at normal
+    # incidence (f16)
     layer_position: np.ndarray | None = None
     layer_normal: np.ndarray | None = None
     layer_color: np.ndarray | None = None
     layer_roughness: np.ndarray | None = None
+    layer_f0: np.ndarray | None = None
     # The same of rough glass that refractions leave first: place, axis of the lobe in which light leaves it, colours of
     # the glass on the way, and roughness of a mirror with this lobe
     exit_position: np.ndarray | None = None

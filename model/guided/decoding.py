@@ -13,6 +13,7 @@ from ..compute.inference import is_inference
 from ..fields import Channels
 from ..light.direct.emitter_light import EMITTER, STRONGEST
 from ..light.surface_light import SurfaceLight
+from ..light_passes import LOBES
 from .bundle_decoder import SAID
 from .features import SURFACE, GuidedView
 from .kernels import LATENT
@@ -23,6 +24,7 @@ from .kernels import LATENT
 OF_PIXELS = Channels(1, share=1, direct=9, indirect=9, missing=9, rest=3, visible=STRONGEST + 1, latent=LATENT)
 OUTPUTS = OF_PIXELS.joined(**SAID.sizes(), trust=1)
 LARGEST_FACTOR = 4.0  # and its inverse is the smallest
+MOST_ADDED = 0.5      # of the estimate of a lobe's light
 DARK = -3.0           # offset at which softplus adds little
 
 
@@ -42,9 +44,10 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     share = (raw[:, OUTPUTS["share"]] + raw[:, OUTPUTS["trust"]]).tanh() * is_known
     raw = raw * untraced
     direct, indirect = (raw[:, OUTPUTS[name]].unflatten(1, (3, 3)) for name in ("direct", "indirect"))
+    direct = _but_of_glass(direct, light)
     direct = factor(direct) if is_inference() and light.is_by_rays() else with_shadows(direct, raw, view)
     indirect = factor(indirect)
-    missing = (added(raw[:, OUTPUTS["missing"]]) * is_known).unflatten(1, (3, 3))
+    missing = _within_reason((added(raw[:, OUTPUTS["missing"]]) * is_known).unflatten(1, (3, 3)), light)
     of_all = (raw[:, OUTPUTS["log_factor"]] * (1 - light.has_rays.view(-1, 1, 1, 1))).exp()
     in_media = view.surface[:, SURFACE["alpha"]] * view.has_media.view(-1, 1, 1, 1)
     fields = {"bounced": 0, "reflected": 1, "refracted": 2, "behind": 2}  # by lobe
@@ -77,6 +80,21 @@ def with_shadows(direct: Tensor, raw: Tensor, view: GuidedView) -> Tensor:
 def visibility(raw: Tensor) -> Tensor:
     """From 0, where light without shadows is in shadow, to 2; 1 for zero."""
     return 2 * torch.sigmoid(2 * raw)
+
+
+def _but_of_glass(direct: Tensor, light: SurfaceLight) -> Tensor:
+    """(V, 3, 3, H, W) without the outputs for lamps and sky that glass shows by rays: that is an image, and right."""
+    is_glass = torch.arange(3, device=direct.device).view(1, 3, 1, 1, 1) == LOBES.index("transmission")
+    return direct * ~(is_glass & (light.has_rays.view(-1, 1, 1, 1, 1) > 0))
+
+
+def _within_reason(missing: Tensor, light: SurfaceLight) -> Tensor:
+    """(V, 3, 3, H, W) light that lobes lack, by rays at most a share of what they have.
+
+    Where rays find nothing, such as in glass before a black world, it would be a haze.
+    """
+    most = MOST_ADDED * (light.direct + light.indirect())
+    return torch.where(light.has_rays.view(-1, 1, 1, 1, 1) > 0, torch.minimum(missing, most), missing)
 
 
 def added(raw: Tensor) -> Tensor:

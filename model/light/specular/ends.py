@@ -94,7 +94,7 @@ def _values(ends: list[PathEnds], lobe: PathLobe) -> dict[str, np.ndarray]:
                         (lobe.other_lobe, [chunk.other for chunk in ends])):
         if any(chunk.color.any() for chunk in lobes):
             values |= {f"{name}_{kind.name}": np.concatenate([getattr(chunk, kind.name) for chunk in lobes])
-                       for kind in dataclass_fields(Lobe)}
+                       for kind in dataclass_fields(Lobe) if kind.name != "f0" or name == "layer"}
     return values
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...geometry import dot, reflected, refracted
-from ...material.reflectance import fresnel
+from ...material.reflectance import fresnel, normal_reflectance
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
 from ...shading import seen_sky, surface
 from ...surface_kinds import Ray
@@ -26,7 +26,8 @@ TURBID = 0.6       # transmission below which the inside lets less light out
 LIFT = 1e-4        # of the longest segment so far, that a ray starts off its surface
 SHARP, BLURRED = 0.15, 0.35  # roughness up to which a reflection is an image, and from which it is a mean over the lobe
 
-LEAST_BLUR = 0.03  # roughness of smooth glass in which lamps are mirrored
+LEAST_BLUR = 0.03  # roughness of smooth surfaces in which lamps are mirrored
+LEAST_LAYER = 5e-3  # f0 below which a layer shows none
 
 Cast = Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
 Media = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -52,6 +53,7 @@ class Lobe:
     normal: np.ndarray     # (P, 3) f32, unit, of metal, facing the path; where glass is left, axis of the lobe
     color: np.ndarray      # (P, 3) f32; 0 = none
     roughness: np.ndarray  # (P, 1) f32
+    f0: np.ndarray | float = 1.0  # (P, 1) f32, at normal incidence, of what it reflects at grazing angles
 
     def set(self, rows: np.ndarray, lobe: Lobe) -> None:
         for own, other in zip(vars(self).values(), vars(lobe).values(), strict=True):
@@ -76,7 +78,7 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
     take glass for smooth. Lamps that the `lobe` shows are not in the light.
     """
     zeros = lambda channels: np.zeros((len(origin), channels), np.float32)  # noqa: E731
-    ends = PathEnds(*map(zeros, (3, 3, 3, 3)), *(Lobe(*map(zeros, (3, 3, 3, 1))) for _ in range(2)))
+    ends = PathEnds(*map(zeros, (3, 3, 3, 3)), *(Lobe(*map(zeros, (3, 3, 3, 1, 1))) for _ in range(2)))
     shows_lamps = np.ones(len(origin), bool)
     path, tint = np.arange(len(origin)), np.ones((len(origin), 3), np.float32)
     kind = np.full(len(origin), Ray.GLOSSY if start is None else Ray.TRANSMISSION, np.uint8)
@@ -115,7 +117,7 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
             ends.lobe.set(path, lobe)
             shows_lamps[path] = ~lobe.color.any(1)
             if start is None:
-                ends.other.set(path, _layer_lobe(point, normal, texel, direction))
+                ends.other.set(path, _layer_lobe(point, normal, texel))
             elif leaves.any():
                 ends.other.set(path[leaves], _inner_lobe(scene, cast, *(
                     x[leaves] for x in (point, normal, texel, direction, arrived, reach))))
@@ -139,10 +141,11 @@ def _metal_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray) -> Lob
     return Lobe(point, normal, texel[:, BASE_COLOR] * mirrors, texel[:, ROUGHNESS, None])
 
 
-def _layer_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray, direction: np.ndarray) -> Lobe:
-    """The same of a dielectric layer, or of glass, that unit directions (P, 3) reach from outside."""
-    share = (1 - texel[:, METALLIC]) * fresnel(-dot(direction, normal), texel[:, IOR].clip(1))
-    return Lobe(point, normal, np.repeat(share[:, None], 3, 1), texel[:, ROUGHNESS, None].clip(LEAST_BLUR))
+def _layer_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray) -> Lobe:
+    """The same of a dielectric layer, or of glass."""
+    f0 = normal_reflectance(texel[:, IOR, None].clip(1)) * (1 - texel[:, TRANSMISSION, None] / 2)  # as glass has
+    color = np.repeat((1 - texel[:, METALLIC, None]) * (f0 > LEAST_LAYER), 3, axis=1)
+    return Lobe(point, normal, color, texel[:, ROUGHNESS, None].clip(LEAST_BLUR), f0)
 
 
 def _inner_lobe(scene: RenderScene, cast: Cast, point: np.ndarray, normal: np.ndarray, texel: np.ndarray,

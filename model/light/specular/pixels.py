@@ -11,6 +11,7 @@ from torch.nn import functional as F
 
 from ...scene import Guides
 from ..direct.direct_light import DirectLight
+from ..fresnel import lobe_albedo
 from ..hit_surfaces import HitSurfaces, tensors_on
 from ..probes import Probes
 from ..sampling import r2_starts
@@ -99,6 +100,10 @@ def _highlights(guides: Guides, lobe: str, direct: DirectLight,
         to_tensor(getattr(guides, f"{lobe}_{kind}")) for kind in ("position", "normal", "color", "roughness"))
     at = (color.amax(-1) > 0).nonzero().unbind(1)
     x, n = position[at], F.normalize(normal[at], dim=-1)
-    gloss = *gloss_at(at, x, n, roughness[at][:, 0]), torch.ones_like(n[:, 0])
+    viewer, width = gloss_at(at, x, n, roughness[at][:, 0])
+    f0, share = torch.ones_like(width), color[at]
+    if lobe == "layer":
+        f0 = to_tensor(guides.layer_f0)[at][:, 0]
+        share = share * lobe_albedo(f0, (n * viewer).sum(-1), width)[:, None]
     start = r2_starts(torch.arange(RAYS * len(x), device=x.device)).view(-1, RAYS, 2)
-    return highlights.index_put(at, direct.highlights(x, n, start, *gloss) * color[at])
+    return highlights.index_put(at, direct.highlights(x, n, start, viewer, width, f0) * share)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from renderformer_v2.model.guided.decoding import LARGEST_FACTOR, OUTPUTS, corrected_light, factor
+from renderformer_v2.model.guided.decoding import LARGEST_FACTOR, MOST_ADDED, OUTPUTS, corrected_light, factor
 from renderformer_v2.model.guided.features import SURFACE, GuidedView, guided_view
 from renderformer_v2.model.weights.presets import rf2_small
 from tests.model.samples import floor_view, scene_light, walls
@@ -66,11 +66,17 @@ def test_what_was_traced_gives_way_to_its_estimate_where_that_is_believed():
     torch.testing.assert_close(half, (believed.radiance() + view.light.radiance()) / 2)
 
 
-def test_lobes_get_light_that_nothing_has_found():
+def test_lobes_get_light_that_nothing_has_found_by_rays_as_far_as_they_have_some():
     view = inputs()
-    corrected = corrected_light(outputs(view, missing=5.0), view)
-    added = corrected.bounced - view.light.bounced
+    light = replace(view.light, has_rays=torch.zeros(1))
+    corrected = corrected_light(outputs(view, missing=5.0), replace(view, light=light))
+    added = corrected.bounced - light.bounced
     assert (added > 1).all() and torch.allclose(added, added[0, 0, 0, 0])
+    light = replace(view.light, direct=view.light.direct * (torch.arange(3) != 1).view(1, 3, 1, 1, 1),
+                    reflected=torch.zeros_like(view.light.reflected))
+    corrected = corrected_light(outputs(view, missing=50.0), replace(view, light=light))
+    torch.testing.assert_close(corrected.bounced - light.bounced, (light.bounced + light.direct[:, 0]) * MOST_ADDED)
+    assert not corrected.reflected.any()
     less = corrected_light(outputs(view, missing=-30.0), view)
     assert all((getattr(less, name) >= 0).all() for name in ("bounced", "reflected", "refracted", "behind"))
 
@@ -177,3 +183,10 @@ def test_no_light_where_nothing_is_hit():
     empty = view.surface[0, SURFACE.index("alpha")] == 0
     assert empty.any() and (~empty).any()
     assert not radiance[..., empty].any()
+
+
+def test_what_glass_shows_of_lamps_by_rays_keeps_its_strength():
+    view = inputs()
+    view = replace(view, light=replace(view.light, direct=torch.ones_like(view.light.direct)))
+    direct = corrected_light(outputs(view, direct=1.0), view).direct
+    assert (direct[:, 2] == 1).all() and (direct[:, :2] > 2).all()

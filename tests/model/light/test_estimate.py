@@ -89,6 +89,7 @@ def test_a_mirror_shows_the_highlight_of_what_it_shows(lobe):
     up = np.broadcast_to(np.float16((0, 0, 1)), shape)
     metal = {f"{lobe}_position": np.zeros(shape, np.float32), f"{lobe}_color": np.full(shape, 0.5, np.float16),
              f"{lobe}_roughness": np.full((*shape[:2], 1), 0.3, np.float16),
+             "layer_f0": np.full((*shape[:2], 1), 0.04, np.float16),
              "reflected_position": guides.position, "reflected_normal": up,
              "reflected_color": np.zeros(shape, np.float16), "reflected_light": np.zeros(shape, np.float32)}
     light = scene_light(scene)

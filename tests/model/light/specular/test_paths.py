@@ -211,12 +211,14 @@ def test_lamps_behind_rough_glass_are_left_to_its_lobe():
     assert rough.lobe.color[:, 0] == pytest.approx(rough.lobe.color[:, 1] / 2) and rough.lobe.color[0, 1] > 0.9
 
 
-def test_the_layer_that_a_mirror_shows_has_a_lobe_as_strong_as_fresnel_says():
-    for tile, share in ((constant_tile(RED, roughness=0.3, ior=1.5), 0.04),
-                        (constant_tile(GOLD, metallic=1.0, roughness=0.3), 0),
-                        (constant_tile((1, 1, 1), roughness=0.3, ior=2.0, transmission=1.0), 1 / 9)):
+def test_the_layer_that_a_mirror_shows_has_a_lobe():
+    for tile, share, f0 in ((constant_tile(RED, roughness=0.3, ior=1.5), 1, 0.08),
+                            (constant_tile(RED, roughness=0.3, ior=1.0), 0, 0),
+                            (constant_tile(GOLD, metallic=1.0, roughness=0.3, ior=1.5), 0, 0.08),
+                            (constant_tile((1, 1, 1), roughness=0.3, ior=2.0, transmission=1.0), 1, 1 / 9)):
         layer = ends(walls((2, -1, tile), (-1, 1, constant_tile()))).other
         np.testing.assert_allclose(layer.color, [(share,) * 3], atol=1e-3)
+        np.testing.assert_allclose(layer.f0, [(f0,)], atol=1e-3)
         np.testing.assert_allclose(layer.position, [(2, 0, 0)], atol=1e-5)
         np.testing.assert_allclose(layer.normal, [(-1, 0, 0)], atol=1e-5)
         assert layer.roughness[0, 0] == pytest.approx(0.3, abs=1e-3)
