@@ -143,7 +143,8 @@ def _metal_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray) -> Lob
 
 def _layer_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray) -> Lobe:
     """The same of a dielectric layer, or of glass."""
-    f0 = normal_reflectance(texel[:, IOR, None].clip(1)) * (1 - texel[:, TRANSMISSION, None] / 2)  # as glass has
+    f0 = normal_reflectance(texel[:, IOR, None].clip(1))
+    f0 = f0 * (1 - texel[:, TRANSMISSION, None] / 2)  # glass has no Specular IOR Level
     color = np.repeat((1 - texel[:, METALLIC, None]) * (f0 > LEAST_LAYER), 3, axis=1)
     return Lobe(point, normal, color, texel[:, ROUGHNESS, None].clip(LEAST_BLUR), f0)
 
