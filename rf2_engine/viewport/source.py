@@ -38,10 +38,21 @@ class Source:
         self.copied: CopiedScene | None = None
         self.bare: CopiedScene | None = None  # of a large scene, before its images are read for the first copy
         self.updated = WeakSet()        # viewports that Blender has updated since changes were noted last
+        self._noted: set[tuple] = set()  # those changes
         self.version = 0                # of the copy; 0: none yet
         self.error = ""                 # why it could not be copied
         self._cache = CopyCache()
         self._number = next(_numbers)
+
+    def note(self, depsgraph: bpy.types.Depsgraph) -> None:
+        """The changes of its last evaluation."""
+        self.changes.add(depsgraph)
+        self._noted = _keys(depsgraph)
+        self.updated.clear()
+
+    def has_noted(self, depsgraph: bpy.types.Depsgraph, viewport) -> bool:
+        """Whether its last changes are those noted last, of which `viewport` has not been told yet."""
+        return viewport not in self.updated and _keys(depsgraph) <= self._noted
 
     @property
     def state(self) -> State:
@@ -87,6 +98,11 @@ class Source:
         self.changes = Changes()
         self.copied, self.bare, self.error, self.version = copied, None, "", self.version + 1
         return True
+
+
+def _keys(depsgraph: bpy.types.Depsgraph) -> set[tuple]:
+    return {(update.id.session_uid, update.is_updated_geometry, update.is_updated_transform, update.is_updated_shading)
+            for update in depsgraph.updates}
 
 
 def source_key(depsgraph: bpy.types.Depsgraph, space: bpy.types.SpaceView3D | None = None) -> Key:

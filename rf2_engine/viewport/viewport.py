@@ -74,7 +74,7 @@ def update(engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph
     """After a change of the scene, and when a viewport begins to be Rendered."""
     viewport = _viewport(engine)
     if viewport.source is not None:
-        if viewport in viewport.source.updated:  # what handlers edit is evaluated without another call of handlers
+        if not viewport.source.has_noted(depsgraph, viewport):  # handlers are not told of what handlers edit
             note_changes(depsgraph.scene, depsgraph)
         viewport.source.updated.add(viewport)
     _advance(engine, context, depsgraph)
@@ -135,8 +135,7 @@ def note_changes(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None =
     changed = source_key(depsgraph)
     for key, source in list(_sources.items()):
         if key[:len(changed)] == changed:
-            source.changes.add(depsgraph)
-            source.updated.clear()
+            source.note(depsgraph)
 
 
 @persistent

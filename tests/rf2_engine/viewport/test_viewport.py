@@ -73,13 +73,16 @@ def test_a_picture_appears_and_follows_what_is_edited(scene, context):
     assert middle[1] > 1.5 * middle[0] > 0
 
 
-def test_a_change_that_no_handler_is_told_of_is_shown_too(scene, context):
+@pytest.mark.parametrize("is_told_of_nothing", [False, True])
+def test_a_change_that_no_handler_is_told_of_is_shown_too(scene, context, is_told_of_nothing):
     """What a handler of frame changes edits is evaluated after it, with a call of `update` alone."""
     paint = material("Paint", RED)
     cube(scene, of=paint)
     sun(scene)
     engine, handlers = Engine(), bpy.app.handlers.depsgraph_update_post
     shown(engine, context)
+    if is_told_of_nothing:
+        viewport.note_changes(scene, depsgraph())
 
     def update(_, evaluated):
         viewport.update(engine, context, evaluated)
