@@ -16,7 +16,7 @@ from .material import CLEAR, MaterialTiles
 
 # What cameras or shadow rays alone meet is none to bounced light, and so to the network.
 WINDOW = constant_tile(base_color=(1, 1, 1), roughness=0, ior=1, transmission=1)
-PASSES = np.float32([0, 1, 1, 1])
+PASSES = np.float32([0, 0, 1, 1, 1])
 OTHER_RAYS = {Ray.GLOSSY: CLEAR, Ray.TRANSMISSION: CLEAR, Ray.SCATTER: CLEAR, Ray.SHADOW: TRANSPARENT}  # clear from
 MIRRORED = Ray.GLOSSY, Ray.TRANSMISSION
 
