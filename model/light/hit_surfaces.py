@@ -10,7 +10,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..camera import view_rays_at
-from ..material.reflectance import normal_reflectance
+from ..material.reflectance import LEAST_LAYER, layer_reflectance
 from ..scene import (
     BASE_COLOR,
     IOR,
@@ -28,7 +28,6 @@ from .fresnel import lobe_albedo
 
 UNKNOWN_ROUGHNESS = 0.5  # where no token triangle lies behind a pixel (hair, sub-pixel geometry)
 UNKNOWN_F0 = 0.04        # likewise, of a layer
-LEAST_LAYER = 5e-3       # f0 from which on a layer reflects everything at grazing angles
 LEANING = 0.2            # cosine up to which Cycles turns normals back
 RAISED = 0.1             # pixels that rays start off curved surfaces, below which the mean of a pixel's first hits lies
 
@@ -116,8 +115,7 @@ def hit_reflectances(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np
     """
     texel = _hit_texels(scene, guides, PARAMETERS)
     is_known, metallic, transmission = guides.hit_triangle >= 0, texel[..., METALLIC], texel[..., TRANSMISSION]
-    f0 = normal_reflectance(texel[..., IOR].clip(1)) * (1 - transmission / 2)  # glass has its own ior
-    f0 = np.where(is_known, f0, UNKNOWN_F0)
+    f0 = np.where(is_known, layer_reflectance(texel[..., IOR], transmission), UNKNOWN_F0)
     metal = is_known * metallic * texel[..., BASE_COLOR].mean(-1)
     return metal, (1 - is_known * metallic) * (f0 / LEAST_LAYER).clip(max=1), f0
 

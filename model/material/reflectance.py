@@ -8,12 +8,18 @@ import numpy as np
 
 from ..geometry import unit
 
+LEAST_LAYER = 5e-3  # f0 from which on a layer reflects everything at grazing angles
 BLURRED = 0.45  # least GGX alpha after a diffuse bounce: what Filter Glossy 1 leads to on average
 
 
 def normal_reflectance(ior: np.ndarray) -> np.ndarray:
     """Share of the light at normal incidence that a layer reflects; ior: of a tile, at Specular IOR Level 1."""
     return 2 * ((ior - 1) / (ior + 1)) ** 2
+
+
+def layer_reflectance(ior: np.ndarray, transmission: np.ndarray) -> np.ndarray:
+    """The same of a tile that transmits so much: glass reflects by its IOR alone, half as much as Level 1 means."""
+    return normal_reflectance(ior.clip(1)) * (1 - transmission / 2)
 
 
 def blurred(roughness: np.ndarray) -> np.ndarray:

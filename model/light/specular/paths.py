@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...geometry import dot, reflected, refracted
-from ...material.reflectance import fresnel, normal_reflectance
+from ...material.reflectance import LEAST_LAYER, fresnel, layer_reflectance
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
 from ...shading import seen_sky, surface
 from ...surface_kinds import Ray
@@ -27,7 +27,6 @@ LIFT = 1e-4        # of the longest segment so far, that a ray starts off its su
 SHARP, BLURRED = 0.15, 0.35  # roughness up to which a reflection is an image, and from which it is a mean over the lobe
 
 LEAST_BLUR = 0.03  # roughness of smooth surfaces in which lamps are mirrored
-LEAST_LAYER = 5e-3  # f0 below which a layer shows none
 
 Cast = Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
 Media = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -143,8 +142,7 @@ def _metal_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray) -> Lob
 
 def _layer_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray) -> Lobe:
     """The same of a dielectric layer, or of glass."""
-    f0 = normal_reflectance(texel[:, IOR, None].clip(1))
-    f0 = f0 * (1 - texel[:, TRANSMISSION, None] / 2)  # glass has no Specular IOR Level
+    f0 = layer_reflectance(texel[:, IOR, None], texel[:, TRANSMISSION, None])
     color = np.repeat((1 - texel[:, METALLIC, None]) * (f0 > LEAST_LAYER), 3, axis=1)
     return Lobe(point, normal, color, texel[:, ROUGHNESS, None].clip(LEAST_BLUR), f0)
 
