@@ -72,6 +72,7 @@ def guides_from_passes(passes: Passes, scene: RenderScene, view: View, nearest_t
     if has_media:
         camera = CameraRays(scene, view)
         _add_hits_behind_media(camera, scene, view, covered & ~hit, hit, surfaces)
+        covered &= hit | _show_surfaces(passes)
     source = _nearest_pixels(hit, covered)
     shown = surfaces.taken(source)
     guides = replace(guides_without_triangles(passes), position=shown.position, hit_triangle=shown.token,
@@ -169,6 +170,11 @@ def _add_hits_behind_media(camera: CameraRays, scene: RenderScene, view: View, h
     hit[pixels] = True
     some = Hits(*(x[is_hit] for x in hits))
     surfaces.set(pixels, FirstSurfaces.of_hits(scene, some, view.camera_to_world[:3, 3], rays[is_hit]))
+
+
+def _show_surfaces(passes: Passes) -> np.ndarray:
+    """(H, W) bool: pixels that show some of a surface, and not only a medium, which covers them too."""
+    return np.any([passes[key].any(-1) for key in ("normal", "diffuse_color", "glossy_color", "transmission_color")], 0)
 
 
 def _behind_media(scene: RenderScene, camera: CameraRays, hit: np.ndarray, surfaces: FirstSurfaces) -> Behind:

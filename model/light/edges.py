@@ -20,7 +20,10 @@ from ..first_hits.from_rays import lobe_colors
 from ..geometry import corner_weights, interpolated
 from ..pictures import bands
 from ..scene import Guides, RenderScene, View
-from .edge_stopping import edge_weights, plane_tolerance
+from .direct.direct_light import DirectLight
+from .direct.edge_samples import UnshadowedLight
+from .edge_stopping import dot, edge_weights, plane_tolerance
+from .hit_surfaces import HitSurfaces
 
 NEIGHBOURS = tuple((y, x) for y in (-1, 0, 1) for x in (-1, 0, 1))  # rows and columns
 MIDDLE = NEIGHBOURS.index((0, 0))
@@ -28,6 +31,7 @@ MARGIN = 3          # pixels around one that it depends on
 ONE_SURFACE = 0.5   # edge weight from which on two pixels see one surface,
 KINK = 0.15         # unless normals turn by so much more between them than beside them
 FALLOFF = 2.0       # a neighbour's light counts exp(-FALLOFF d^2) for a sample d pixels from its middle
+SAME_NORMAL = 0.99  # cosine between the mean normals of guides and samples, below which materials or tokens bend one
 AGREEMENT = 0.01    # of the distance: how far a first hit may be off the tokens
 LEAST = 1e-4        # weight of the pixel's own light, the only one if no neighbour sees the surface
 UNSEEN = 1e-3       # weight of the neighbours' colours beside those of the samples, should these be black
@@ -44,16 +48,21 @@ class Edges:
     pixel: Tensor       # (E,) i64, number among the H W pixels
     neighbours: Tensor  # (E, 9) i64, likewise
     share: Tensor       # (9, E, 9) f32, [3 lobe + rgb, pixel, neighbour], of the neighbours' light; sum 1
+    direct: Tensor      # (9, E, 9) f32, of their direct light, times how much more of that reaches samples
 
-    def mix(self, light: Tensor, lobe: int) -> None:
+    def mix(self, light: Tensor, lobe: int, is_direct: bool = False) -> None:
         """Mix the light (3, H, W) of a lobe in place."""
-        flat = light.view(3, -1)
-        flat[:, self.pixel] = (flat[:, self.neighbours] * self.share[3 * lobe:3 * lobe + 3]).sum(-1)
+        flat, share = light.view(3, -1), self.direct if is_direct else self.share
+        flat[:, self.pixel] = (flat[:, self.neighbours] * share[3 * lobe:3 * lobe + 3]).sum(-1)
 
 
-def find_edges(scene: RenderScene, view: View, guides: Guides, device: torch.device) -> Edges:
-    """Edges in a view of a normalised scene; none where first hits are off its tokens, as when these are simplified."""
-    camera, pixels, neighbours, shares = CameraRays(scene, view), [], [], []
+def find_edges(scene: RenderScene, view: View, guides: Guides, device: torch.device,
+               direct: DirectLight | None = None) -> Edges:
+    """Edges in a view of a normalised scene; none where first hits are off its tokens, as when these are simplified.
+
+    direct: the scene's light, of which samples get their own.
+    """
+    camera, pixels, neighbours, shares, of_direct = CameraRays(scene, view), [], [], [], []
     for outer, inner in bands(*guides.alpha.shape, margin=MARGIN):
         band, first = guides.rows(outer), outer.start * view.width
         picture = _Picture.of(scene, band, device)
@@ -64,12 +73,15 @@ def find_edges(scene: RenderScene, view: View, guides: Guides, device: torch.dev
         is_own[inner] = is_edge[inner]
         own = np.flatnonzero(is_own)
         own = own[camera.hits_lie_at(band.position.reshape(-1, 3)[own], AGREEMENT)]
+        light = None if direct is None or not len(own) or scene.group is not None else UnshadowedLight(
+            direct, HitSurfaces.of(scene, view, band, outer.start, device), guides.traced is None)
         for chunk in np.array_split(own, len(own) // CHUNK + 1):
-            around, share = picture.shares(chunk, camera.sample(first + chunk), albedo)
+            around, share, share_of_direct = picture.shares(chunk, camera.sample(first + chunk), albedo, light)
             pixels.append(torch.from_numpy(first + chunk).to(device))
             neighbours.append(first + around)
             shares.append(share)
-    return Edges(torch.cat(pixels), torch.cat(neighbours), torch.cat(shares, 1))
+            of_direct.append(share_of_direct)
+    return Edges(torch.cat(pixels), torch.cat(neighbours), torch.cat(shares, 1), torch.cat(of_direct, 1))
 
 
 def _to_planes(picture: np.ndarray, device: torch.device) -> Tensor:
@@ -121,8 +133,9 @@ class _Picture:
             is_edge[there] |= differs
         return is_edge
 
-    def shares(self, pixel: np.ndarray, samples: Samples, albedo: np.ndarray) -> tuple[Tensor, Tensor]:
-        """`neighbours` and `share` as Edges has them of pixels by number (E,), from samples of these.
+    def shares(self, pixel: np.ndarray, samples: Samples, albedo: np.ndarray,
+               light: UnshadowedLight | None) -> tuple[Tensor, Tensor, Tensor]:
+        """`neighbours`, `share` and `direct` as Edges has them of pixels by number (E,), from samples of these.
 
         albedo: (3, H, W, 3) of the lobes in the middle of edge pixels.
         """
@@ -139,6 +152,15 @@ class _Picture:
         weight = edge_weights(at(self.position) - position, at(self.normal), normal, at(self.tolerance))
         weight = weight * (at(self.covered) & inside[:, None]) * torch.from_numpy(FALLOFFS).to(device)
         weight[..., MIDDLE] += LEAST
-        share = torch.einsum("cek,ekn->cen", sampled + BLACK, weight / weight.sum(-1, keepdim=True))
-        share += UNSEEN * (albedo.flatten(1)[:, neighbours] * inside)
-        return neighbours, share / share.sum(-1, keepdim=True)
+        weight /= weight.sum(-1, keepdim=True)
+        sampled, unseen = sampled + BLACK, UNSEEN * (albedo.flatten(1)[:, neighbours] * inside)
+        share = direct = torch.einsum("cek,ekn->cen", sampled, weight) + unseen
+        total = share.sum(-1, keepdim=True)
+        if light is not None and len(pixel):
+            normal = normal[..., 0]
+            gain = light.gain(position[..., 0], normal, neighbours, weight)
+            mean = F.normalize(normal.mean(-1), dim=0)
+            is_same = dot(mean, self.normal.flatten(1)[:, pixel[:, 0]]) > SAME_NORMAL
+            gain = F.pad(torch.where(is_same[:, None], gain, 1.0), (0, 0, 0, 0, 0, 3), value=1.0)
+            direct = torch.einsum("cek,ekn->cen", sampled * gain, weight) + unseen
+        return neighbours, share / total, direct / total

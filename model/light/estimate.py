@@ -167,13 +167,13 @@ def _glow(direct: DirectLight, surfaces: HitSurfaces) -> Tensor:
 
 def _antialias(picture: SurfaceLight, light: SceneLight, view: View, guides: Guides, with_direct: bool) -> None:
     """Mix the light of neighbours into pixels at edges, in place."""
-    edges = find_edges(light.scene, view, guides, light.direct.device)
+    edges = find_edges(light.scene, view, guides, light.direct.device, light.direct if with_direct else None)
     for name, lobe in (("bounced", "diffuse"), ("behind", "transmission"), ("reflected", "glossy"),
                        ("refracted", "transmission")):
         edges.mix(getattr(picture, name)[0], LOBES.index(lobe))
     if with_direct:
         for lobe, radiance in enumerate(picture.direct[0]):
-            edges.mix(radiance, lobe)
+            edges.mix(radiance, lobe, is_direct=True)
 
 
 def _with_height(estimate: SurfaceLight, height: int) -> SurfaceLight:

@@ -6,7 +6,7 @@ import pytest
 from renderformer_v2.model.camera import square_view, view_rays
 from renderformer_v2.model.first_hits.from_passes import guides_from_passes, lies_between
 from renderformer_v2.model.geometry import barycentric
-from renderformer_v2.model.scene import RenderScene, constant_tile
+from renderformer_v2.model.scene import RenderScene, Volumes, constant_tile
 
 SIZE, NOTHING = 96, 1e10
 
@@ -168,3 +168,24 @@ def test_what_cameras_do_not_see_is_not_what_a_distant_camera_saw():
     guides = guides_from_passes(passes, scene, view, nearest_triangles)
     assert (guides.hit_triangle < 2).all()
     np.testing.assert_allclose(guides.position, position, atol=1e-3)
+
+
+def test_beside_a_silhouette_fog_alone_is_no_surface():
+    """A medium covers pixels as surfaces do."""
+    scene = scattered_scene(12, light=False)
+    one = np.ones((1, 3), np.float32)
+    scene.volumes = Volumes(np.ones((1, 64), np.float32), 0 * one, 0 * one, 20 * one, one, one)
+    view = square_view(np.block([[np.eye(3), np.float32([[0.1], [-0.2], [3]])], [np.float32([0, 0, 0, 1])]]), 45, SIZE)
+    origin, rays = view_rays(view)
+    triangle, distance = first_hits(scene.triangles.astype(np.float64), origin, rays.reshape(-1, 3).astype(np.float64))
+    hit, distance = (triangle >= 0).reshape(SIZE, SIZE, 1), distance.reshape(SIZE, SIZE, 1)
+    sliver = np.roll(hit, 1, 1) & ~hit  # of which a surface covers a little, but not the middle
+    zero = np.zeros((SIZE, SIZE, 3), np.float32)
+    passes = {name: zero for name in ("diffuse_color", "glossy_color", "transmission_color", "emission", "environment")}
+    passes |= {"alpha": np.where(hit, 1, 0.9).astype(np.float32), "depth": distance.astype(np.float32),
+               "normal": zero + np.where(hit | sliver, np.float32(0.1), 0),
+               "position": np.where(hit, origin + rays * distance, 0).astype(np.float32)}
+    guides = guides_from_passes(passes, scene, view, nearest_triangles)
+    shows = (hit | sliver)[..., 0]
+    assert 0.02 < shows.mean() < 0.8
+    np.testing.assert_array_equal(guides.hit_triangle >= 0, shows)
