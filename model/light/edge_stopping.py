@@ -15,10 +15,11 @@ FARTHEST, NEAREST = 0.05, 2e-3  # network units off a plane at which a point cou
 CLOSE = 0.03                    # network units along the plane at which it counts 1/e
 TENT = 1 / 16, 1 / 4, 3 / 8, 1 / 4, 1 / 16  # weights of 5x5 points along each axis
 SIDE = len(TENT)
+DIFFUSE, GLOSSY = 3, 7          # how often the cosine between two normals is squared: mirrors turn light twice as far
 
 
 def edge_weights(offset: Tensor, neighbour_normal: Tensor, normal: Tensor, tolerance: Tensor,
-                 close: float | Tensor | None = None) -> Tensor:
+                 close: float | Tensor | None = None, squarings: int = DIFFUSE) -> Tensor:
     """(..., h, w) weights up to 1 of neighbours at an `offset` from points.
 
     offset and both normals: (3, ..., h, w). tolerance: (h, w), distance off a point's plane at which a neighbour counts
@@ -28,7 +29,9 @@ def edge_weights(offset: Tensor, neighbour_normal: Tensor, normal: Tensor, toler
     if close is not None:
         off += dot(offset, offset) / close ** 2
     facing = dot(neighbour_normal, normal).clamp_min_(0)
-    return facing.square_().square_().square_() * off.neg_().exp_()
+    for _ in range(squarings):
+        facing.square_()
+    return facing * off.neg_().exp_()
 
 
 def dot(a: Tensor, b: Tensor) -> Tensor:
@@ -48,7 +51,7 @@ def plane_tolerance(x: Tensor, valid: Tensor) -> Tensor:
 
 
 def neighbour_weights(x: Tensor, n: Tensor, tolerance: Tensor, spread: int,
-                      close: float | Tensor = CLOSE) -> tuple[Tensor, Tensor]:
+                      close: float | Tensor = CLOSE, squarings: int = DIFFUSE) -> tuple[Tensor, Tensor]:
     """Numbers, row by row, and weights (h w, 25) of the 5x5 points `spread` apart around each of h x w.
 
     close: as of `edge_weights`. Weights are 0 beyond the sides; they are those of the edge-avoiding wavelets that
@@ -61,7 +64,7 @@ def neighbour_weights(x: Tensor, n: Tensor, tolerance: Tensor, spread: int,
         for right, wide in enumerate(TENT):
             top, left = spread * down, spread * right
             there, normal = padded[:, top:top + h, left:left + w].split(3)
-            weights.append(tall * wide * edge_weights(there - x, normal, n, tolerance, close))
+            weights.append(tall * wide * edge_weights(there - x, normal, n, tolerance, close, squarings))
             steps.append((top - reach) * w + left - reach)
     number = torch.arange(h * w, device=x.device)[:, None] + torch.tensor(steps, device=x.device)
     return number.clamp(0, h * w - 1), torch.stack(weights).flatten(1).T.contiguous()

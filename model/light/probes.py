@@ -11,7 +11,7 @@ from torch.nn import functional as F
 
 from ..compute.inference import current_pieces
 from ..compute.threads import shared
-from .edge_stopping import edge_weights, neighbour_weights, plane_tolerance
+from .edge_stopping import DIFFUSE, GLOSSY, edge_weights, neighbour_weights, plane_tolerance
 from .separation import Separation
 from .weighted_rows import weighted_rows
 
@@ -41,9 +41,12 @@ class Probes:
     """
 
     def __init__(self, position: Tensor, normal: Tensor, covered: Tensor, grid: int = GRID, finest: int = GRID,
-                 separation: Separation | None = None):
-        """position, normal: (h, w, 3); covered: (h, w, 1) bool, pixels that have a position; separation: of these."""
+                 separation: Separation | None = None, squarings: int = DIFFUSE):
+        """position, normal: (h, w, 3); covered: (h, w, 1) bool, pixels that have a position; separation: of these.
+        squarings: of edge stopping.
+        """
         self.picture, self.grid, self.finest = (position, normal, covered), grid, finest
+        self.squarings = squarings
         self.separation = separation if separation is not None and separation.exists else None
         self.rows, self.columns = (
             torch.arange(min(grid // 2, side - 1), side, grid, device=position.device) for side in position.shape[:2])
@@ -87,7 +90,11 @@ class Probes:
     @cached_property
     def closer(self) -> Probes:
         """Twice as many along each axis."""
-        return Probes(*self.picture, self.grid // 2, self.finest, self.separation)
+        return Probes(*self.picture, self.grid // 2, self.finest, self.separation, self.squarings)
+
+    def for_gloss(self) -> Probes:
+        """The same for light that turns with the normal."""
+        return Probes(*self.picture, self.grid, self.finest, self.separation, GLOSSY)
 
     def at_probes(self, picture: Tensor) -> Tensor:
         """(h, w, C) at all pixels -> at the probes."""
@@ -123,7 +130,7 @@ class Probes:
                 j, z = _neighbour(columns, len(self.columns), self.grid, right)
                 number = (len(self.columns) * i[:, None] + j).flatten()
                 x, n, tolerance = probes.index_select(1, number).unflatten(1, normal.shape[1:]).split([3, 3, 1])
-                weight = edge_weights(x - position, n, normal, tolerance[0])
+                weight = edge_weights(x - position, n, normal, tolerance[0], squarings=self.squarings)
                 if self.separation is not None:
                     probe = self.rows[i][:, None], self.columns[j]
                     weight = weight * ~self.separation.between(rows[:, None], columns, *probe)
@@ -144,7 +151,7 @@ class Probes:
         return torch.where(total[:, -1:] > 0, total / total[:, -1:].clamp_min(1e-12), table) * table[:, -1:]
 
     def _neighbour_weights(self, spread: int) -> Weights:
-        number, weight = neighbour_weights(self.x, self.n, self.tolerance, spread)
+        number, weight = neighbour_weights(self.x, self.n, self.tolerance, spread, squarings=self.squarings)
         if self.separation is None:
             return number, weight
         row, column = (x.flatten()[:, None] for x in torch.meshgrid(self.rows, self.columns, indexing="ij"))

@@ -56,6 +56,7 @@ def glossy_bounces(radiosity: Radiosity, probes: Probes, surfaces: HitSurfaces, 
     def compute(x: Tensor, n: Tensor, number: Tensor, *gloss: Tensor) -> dict[str, Tensor]:
         return _named(radiosity.glossy(x, n, *gloss, number, effort, is_traced, with_sky))
 
+    probes = probes.for_gloss()
     is_rough = surfaces.roughness[..., None] > BLURRED
     smooth, rough = (probes.interpolate(
         compute, -surfaces.rays, surfaces.roughness, surfaces.f0, surfaces.diffuse_ratio,
