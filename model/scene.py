@@ -134,6 +134,8 @@ class Guides:
     # bounce, premultiplied; None = nothing was traced
     traced: np.ndarray | None = None
     samples: np.ndarray | None = None  # (H, W) f32, of each pixel in the first hits and in `traced`; None: not known
+    # (H, W) bool, pixels whose transmission goes straight on: emission and environment show what shines behind them
+    straight: np.ndarray | None = None
     # (H, W, 3), of the matte surfaces that reflections and refractions end at: place (f32, world), unit normal (f16),
     # diffuse colour times those of what was passed on the way (f16; 0 = no end). None = none in the picture
     reflected_position: np.ndarray | None = None

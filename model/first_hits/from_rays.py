@@ -142,15 +142,9 @@ class AccumulatedGuides:
         at, texel = at[evaluated.is_known], evaluated.texel[evaluated.is_known]
         colors[:3, at], colors[3, at] = colors_of_texels(texel), evaluated.emission[evaluated.is_known]
         if is_first:
-            self._guides.material = self._of_tokens()
+            self._guides.material = material_of_tokens(self._scene, self._guides)
             self._flat("material")[at], self._flat("normal")[at] = texel, evaluated.normal[evaluated.is_known]
         return at
-
-    def _of_tokens(self) -> np.ndarray:
-        """(H, W, 7) f16 of the tiles."""
-        x, y = texels(self._guides.hit_barycentric)
-        tile = self._scene.seen_tile[self._guides.hit_triangle.clip(0)]
-        return self._scene.tiles[tile, PARAMETERS, y, x]
 
 
 def _is_even(colors: np.ndarray, material_id: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
@@ -163,6 +157,12 @@ def _is_even(colors: np.ndarray, material_id: np.ndarray, shape: tuple[int, int]
         for margin in ((1, 0), (0, 1)):
             is_even &= np.pad(is_same, (margin, (0, 0)) if axis == 0 else ((0, 0), margin), constant_values=True)
     return is_even.ravel() & (material_id.ravel() != UNLIKE)
+
+
+def material_of_tokens(scene: RenderScene, guides: Guides) -> np.ndarray:
+    """(H, W, 7) f16 `material` of guides, of the tiles."""
+    x, y = texels(guides.hit_barycentric)
+    return scene.tiles[scene.seen_tile[guides.hit_triangle.clip(0)], PARAMETERS, y, x]
 
 
 def lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -93,6 +93,8 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
         gloss = glossy_bounces(radiosity, probes, mirrors, filters, effort, is_traced, with_direct)
     with part(0.4, 0.5):
         passes = surfaces.transmission.amax(-1, keepdim=True) > 0
+        if surfaces.straight is not None:
+            passes &= ~surfaces.straight
         with_chains = bounced
         if surfaces.translucent is not None:
             is_translucent = surfaces.translucent > 0

@@ -47,6 +47,7 @@ class HitSurfaces:
     roughness: Tensor      # (h, W), perceptual
     f0: Tensor             # (h, W), of the glossy lobe, relative to its reflectance at grazing angles
     diffuse_ratio: Tensor  # (h, W), diffuse over glossy albedo
+    straight: Tensor | None = None  # (h, W, 1) bool, where transmission goes straight on, if it does anywhere
     translucent: Tensor | None = None  # (h, W, 1), share of diffuse light that comes from the other side, if any does
     group: np.ndarray | None = None  # (h, W) u8, of surfaces, where lights tell some apart
 
@@ -64,6 +65,7 @@ class HitSurfaces:
         return cls(origin, rays, to_tensor(guides.position), normal, to_tensor(guides.alpha)[..., None].clamp(0, 1),
                    diffuse, glossy, transmission, roughness, f0,
                    diffuse.mean(-1) / glossy.mean(-1).clamp_min(1e-6),
+                   None if guides.straight is None else torch.from_numpy(guides.straight).to(device)[..., None],
                    None if scene.translucent is None else to_tensor(_translucence(scene, guides))[..., None],
                    None if scene.group is None or not len(scene) else scene.group[guides.hit_triangle.clip(0)])
 

@@ -14,6 +14,7 @@ from ...model import progress
 from ...model.camera import visible_pixels
 from ...model.first_hits import denoise_media
 from ...model.first_hits.from_passes import clear_outside, guides_from_passes, guides_without_triangles
+from ...model.first_hits.sheets import through_sheets
 from ...model.light.specular.ends import add_path_ends
 from ...model.light_passes import Lobes
 from ...model.scene import Guides, RenderScene, View
@@ -143,7 +144,7 @@ def _make_guides(layer: Layer, passes: Passes, scene: RenderScene, view: View) -
     if not layer.settings.follows_specular_paths:
         return guides
     with progress.part(0.5, 1.0):
-        return add_path_ends(guides, scene, view)
+        return add_path_ends(through_sheets(guides, scene, view), scene, view)
 
 
 def _film(layer: Layer) -> CameraModel:

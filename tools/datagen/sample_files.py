@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from renderformer_v2.model.first_hits.sheets import through_sheets
 from renderformer_v2.model.light.specular.ends import add_path_ends
 from renderformer_v2.model.pictures import to_half
 from renderformer_v2.model.scene import TILE_SIZE, Geometry, Guides, RenderScene, View, Volumes
@@ -157,7 +158,8 @@ def load_sample(path: Path, tile_size: int = TILE_SIZE) -> tuple[RenderScene, li
 def load_with_paths(path: Path) -> tuple[RenderScene, list[View], list[Guides], list[dict[str, np.ndarray]]]:
     """`load_sample`, and in the guides the ends of specular paths, as the engine finds them today."""
     scene, views, guides, passes = load_sample(path)
-    return scene, views, [add_path_ends(g, scene, v) for g, v in zip(guides, views, strict=True)], passes
+    return scene, views, [
+        add_path_ends(through_sheets(g, scene, v), scene, v) for g, v in zip(guides, views, strict=True)], passes
 
 
 def read_facts(path: Path) -> Facts:

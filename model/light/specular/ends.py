@@ -17,7 +17,7 @@ from ...progress import part
 from ...scene import IOR, ROUGHNESS, Guides, RenderScene, View
 from ...scene_rays import scene_rays
 from ...shading import surface
-from ...surface_kinds import ALL, BENDING, Ray
+from ...surface_kinds import ALL, BENDING, SEEN, STRAIGHT_THROUGH, Ray
 from .facets import pixel_starts, rough_facets
 from .paths import Lobe, Media, PathEnds, follow_paths
 
@@ -72,12 +72,16 @@ def _follow(guides: Guides, scene: RenderScene, view: View, lobe: PathLobe, rows
     """The paths of some pixels, every `step`-th, in chunks."""
     rays = scene_rays(scene)
     everything = rays.among(ALL, lobe.ray)
-    solid = rays.among(ALL & ~BENDING, lobe.ray).closest if len(rays.rows(BENDING, lobe.ray)) else None
+    seen = rays.among(SEEN, Ray.CAMERA).closest
+    # Where paths start at half-transparent sheets, these are not what touches glass.
+    solid = rays.among(ALL & ~BENDING if guides.straight is None else ALL & ~BENDING & ~STRAIGHT_THROUGH, lobe.ray)
+    solid = solid.closest if len(rays.rows(BENDING, lobe.ray)) else None
 
     def follow(rows: np.ndarray, columns: np.ndarray) -> PathEnds:
         start = pixel_starts(rows // step, columns // step) if lobe.ray == Ray.TRANSMISSION else None
         first = _first_segments(guides, scene, view, rows, columns, start)
-        return follow_paths(scene, everything.closest, *first, solid, media, start)
+        straight = None if start is None or guides.straight is None else guides.straight[rows, columns]
+        return follow_paths(scene, everything.closest, *first, solid, media, start, straight, seen)
 
     chunks = [(rows[first:first + CHUNK], columns[first:first + CHUNK]) for first in range(0, len(rows), CHUNK)]
     with part(0.0, 1.0, "Tracing mirrors and glass"):
@@ -121,4 +125,6 @@ def _first_segments(guides: Guides, scene: RenderScene, view: View, rows: np.nda
         _, inside, texel = surface(scene, triangle, position, rays)
         facet = rough_facets(rays, normal, texel[:, ROUGHNESS], start, 0)
         direction = refracted(rays, facet, texel[:, IOR], inside)
+        if guides.straight is not None:
+            direction = np.where(guides.straight[rows, columns][:, None], rays, direction)
     return position, direction, eye

@@ -24,6 +24,8 @@ def frosted(light: Tensor, surfaces: HitSurfaces) -> Tensor:
     edge-avoiding wavelets of `neighbour_weights`).
     """
     is_glass = surfaces.transmission.amax(-1) > 0
+    if surfaces.straight is not None:
+        is_glass &= ~surfaces.straight[..., 0]
     is_rough = is_glass & (surfaces.roughness > LEAST_ROUGHNESS)
     if not is_rough.any():
         return light

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...first_hits.from_rays import colors_of_texels
+from ...first_hits.sheets import own_texels, sheet_tiles
 from ...geometry import dot, reflected, refracted
 from ...material.reflectance import LEAST_LAYER, fresnel, layer_reflectance
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
@@ -66,7 +68,8 @@ def blur(roughness):
 
 
 def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarray, eye: np.ndarray,
-                 solid: Cast | None = None, media: Media | None = None, start: np.ndarray | None = None) -> PathEnds:
+                 solid: Cast | None = None, media: Media | None = None, start: np.ndarray | None = None,
+                 straight: np.ndarray | None = None, seen: Cast | None = None) -> PathEnds:
     """Follow paths from world points (P, 3) along unit directions (P, 3); none may start at a lamp.
 
     A path that has passed SURFACES surfaces ends at the last one as if that were matte. eye: (3,) or (P, 3), the point
@@ -74,11 +77,13 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
     (S,) i32, -1 for none, and its distance (S,). solid: the same for everything but glass, so that paths end at what
     glass touches. media: share of light (S, 1 or 3) that gets from points (S, 3) along directions (S, 3) for distances
     (S,). start: (P, 2) of `pixel_starts`, of refractions, which meet facets of rough glass; None of reflections, which
-    take glass for smooth. Lamps that the `lobe` shows are not in the light.
+    take glass for smooth. straight: (P,) bool, paths that begin on half-transparent sheets; they meet what is `seen` by
+    the camera, a cast. What shines straight behind sheets is not in the light, nor are lamps that the `lobe` shows.
     """
     zeros = lambda channels: np.zeros((len(origin), channels), np.float32)  # noqa: E731
     ends = PathEnds(*map(zeros, (3, 3, 3, 3)), *(Lobe(*map(zeros, (3, 3, 3, 1, 1))) for _ in range(2)))
     shows_lamps = np.ones(len(origin), bool)
+    sheets, straight = (None, None) if straight is None else (sheet_tiles(scene), straight.copy())
     path, tint = np.arange(len(origin)), np.ones((len(origin), 3), np.float32)
     kind = np.full(len(origin), Ray.GLOSSY if start is None else Ray.TRANSMISSION, np.uint8)
     token, is_light = np.append(scene.surfaces.token, -1), scene.is_light
@@ -88,6 +93,8 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
         if not len(path):
             break
         triangle, distance = cast(origin, direction)[:2]
+        if sheets is not None and (rows := straight[path]).any():
+            triangle[rows], distance[rows] = seen(origin[rows], direction[rows])[:2]
         if solid is not None:
             touched, gap = solid(before, direction)[:2]
             touches = (touched >= 0) & (gap < 3 * LIFT * reach)
@@ -97,6 +104,8 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
         hit = (triangle >= 0) & ~is_light[token[triangle]]
         arriving = _emitted(scene, token[triangle[~hit]], direction[~hit], kind[~hit])
         arriving *= (shows_lamps[path[~hit]] | (triangle[~hit] < 0))[:, None]
+        if sheets is not None:
+            arriving *= ~straight[path[~hit], None]
         ends.light[path[~hit]] = tint[~hit] * arriving
         path, tint, origin, direction, triangle, distance, reach = (
             x[hit] for x in (path, tint, origin, direction, triangle, distance, reach))
@@ -107,6 +116,14 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
         leaves = is_glass & inside
         arrived = tint
         tint = tint * np.where(is_glass[:, None], _tint_of_surface(texel, inside), base)
+        matte = np.where(metallic > PURE, 1, (1 - metallic) * (1 - transmission))  # a rough metal counts as matte
+        passes = np.zeros(len(path), bool)
+        if sheets is not None:
+            clear = sheets[scene.tile_index[token[triangle]]]
+            passes, on_sheet = _passes_sheets(clear, start[path], SURFACES - remaining)
+            tint[on_sheet] = arrived[on_sheet] * _seen_of_sheets(texel, clear, passes)[on_sheet]
+            is_glass, matte = is_glass & ~on_sheet, np.where(on_sheet, 1, matte)
+            straight[path] &= passes
         facet, shows_lamps[path] = normal, True
         if start is not None:
             facet = rough_facets(direction, normal, texel[:, ROUGHNESS] * is_glass, start[path], SURFACES - remaining)
@@ -121,17 +138,32 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
                 ends.other.set(path[leaves], _inner_lobe(scene, cast, *(
                     x[leaves] for x in (point, normal, texel, direction, arrived, reach))))
         ends.position[path], ends.normal[path] = point, normal
-        matte = np.where(metallic > PURE, 1, (1 - metallic) * (1 - transmission))  # a rough metal counts as matte
-        goes_on = is_glass | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)
+        goes_on = is_glass | passes | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)
         ends.color[path] = tint * np.where(goes_on, not remaining, matte)[:, None]
         before = point - LIFT * reach[:, None] * direction
         kind = np.where(is_glass, np.uint8(Ray.TRANSMISSION), np.uint8(Ray.GLOSSY))
-        direction = np.where(is_glass[:, None], refracted(direction, facet, texel[:, IOR], inside),
-                             reflected(direction, normal))
+        turned = np.where(is_glass[:, None], refracted(direction, facet, texel[:, IOR], inside),
+                          reflected(direction, normal))
+        direction = np.where(passes[:, None], direction, turned)
         origin = point + LIFT * reach[:, None] * direction
         path, kind, tint, before, origin, direction, reach = (
             x[goes_on] for x in (path, kind, tint, before, origin, direction, reach))
     return ends
+
+
+def _passes_sheets(clear: np.ndarray, start: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """(P,) bool each: paths that pass the surface of that number, which lets (P, 3) pass straight, and those at sheets.
+
+    As much of light as is clear passes, by the `start` (P, 2) of paths.
+    """
+    return start[:, 0] * (2 * number + 1) % 1 < clear.mean(axis=1), clear.any(axis=1)
+
+
+def _seen_of_sheets(texel: np.ndarray, clear: np.ndarray, passes: np.ndarray) -> np.ndarray:
+    """(P, 3) colour of sheets, or of what passes them."""
+    share = clear.mean(axis=1, keepdims=True)
+    own = colors_of_texels(own_texels(texel, clear))[:2].sum(0)
+    return np.where(passes[:, None], clear / share.clip(1e-6), own)
 
 
 def _metal_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray) -> Lobe:
