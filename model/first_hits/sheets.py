@@ -98,18 +98,28 @@ def through_sheets(guides: Guides, scene: RenderScene, view: View) -> Guides:
     colors[0] *= 1 - normal_reflectance(texel[:, IOR, None])  # what the layer above it lets through
     colors[2] = tint
     colors = _mixed_at_borders(colors, pixels, is_sheet, clear, CameraRays(scene, view))
-    through = 1 - guides.alpha.reshape(-1, 1)[pixels]
-    shows_sky = (sky.any(1) & (through[:, 0] > SEEN_SKY))[:, None]
-    world = guides.environment.reshape(-1, 3)[pixels] / through.clip(SEEN_SKY)
-    environment = np.where(shows_sky, world * sky.mean(1, keepdims=True), guides.environment.reshape(-1, 3)[pixels])
-    alpha = np.where(shows_sky, 1 - sky.mean(1, keepdims=True), 1 - through)[:, 0]
     values = dict(zip(("position", "normal", "hit_triangle", "hit_barycentric"), first, strict=True))
-    values |= dict(zip(COLORS, colors, strict=True)) | {"environment": environment, "alpha": alpha}
+    values |= dict(zip(COLORS, colors, strict=True)) | _sky_in(guides, pixels, sky)
     result = replace(guides, straight=is_sheet.reshape(guides.alpha.shape), **{
         name: _replaced(getattr(guides, name), pixels, value) for name, value in values.items()})
     material = material_of_tokens(scene, result)
     material.reshape(-1, material.shape[-1])[pixels] = texel[:, PARAMETERS]
     return replace(result, material=material)
+
+
+def _sky_in(guides: Guides, pixels: np.ndarray, sky: np.ndarray) -> dict[str, np.ndarray]:
+    """Environment (P, 3) and alpha (P,) of pixels that show shares (P, 3) of the sky through sheets.
+
+    Beside pixels that show none they stay as samples found them.
+    """
+    shown = np.zeros((guides.alpha.size, 1), np.float32)
+    shown[pixels, 0] = sky.any(axis=1)
+    is_even = ~varies(shown.reshape(*guides.alpha.shape, 1)).reshape(-1, 1)[pixels]
+    environment, through = guides.environment.reshape(-1, 3)[pixels], 1 - guides.alpha.reshape(-1, 1)[pixels]
+    share = sky.mean(axis=1, keepdims=True)
+    changes = (share > 0) & is_even & (through > SEEN_SKY)
+    return {"environment": np.where(changes, environment / through.clip(SEEN_SKY) * share, environment),
+            "alpha": 1 - np.where(changes, share, through)[:, 0]}
 
 
 def _replaced(picture: np.ndarray, pixels: np.ndarray, values: np.ndarray) -> np.ndarray:
