@@ -8,10 +8,13 @@ import pytest
 import torch
 
 from renderformer_v2.model.first_hits import camera_rays
-from renderformer_v2.model.first_hits.camera_rays import SAMPLE_POINTS, cast_guides
+from renderformer_v2.model.first_hits.camera_rays import SAMPLE_POINTS, CameraRays, cast_guides
 from renderformer_v2.model.geometry import area_vectors, unit
+from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.edges import _kink, find_edges
+from renderformer_v2.model.light_passes import LOBES
 from renderformer_v2.model.pictures import bands
+from renderformer_v2.model.scene import constant_tile
 from tests.model.samples import flat, floor_scene, floor_view
 
 SIZE, CPU = 32, torch.device("cpu")
@@ -108,3 +111,33 @@ def test_edges_of_a_large_picture_are_found_in_bands(monkeypatch):
     assert len(whole.pixel) > SIZE and torch.equal(whole.pixel, parts.pixel)
     assert torch.equal(whole.neighbours, parts.neighbours)
     torch.testing.assert_close(whole.share, parts.share)
+
+
+def test_each_facet_in_a_pixel_mirrors_lamps_of_its_own():
+    """Against the light at all samples of each pixel."""
+    count = 4
+    sheet = ridges(count, np.tan(np.radians(7)) * 2 / count).astype(np.float32)
+    lamp = np.float32([[(-0.3, -0.3, 2.5), (0.3, 0.5, 2.5), (0.5, -0.3, 2.5)]])
+    shining = replace(flat(lamp, (0, 0, 0)), emission=np.full((1, 3), 50, np.float32))
+    scene = flat(sheet, (0.5, 0.5, 0.5)).appended(shining)
+    scene.seen = np.arange(len(scene)) < len(scene) - 1
+    scene.tiles[:] = constant_tile((0.9, 0.9, 0.9), metallic=1.0, roughness=0.25)[None]
+    scene.normals[:] = unit(area_vectors(scene.triangles))[:, None]
+    view, _ = floor_view(SIZE, SIZE)
+    guides, direct = cast_guides(scene, view), DirectLight(scene)
+
+    def glossy(position, normal):
+        x, n = (torch.from_numpy(values.reshape(-1, 3)) for values in (position, normal))
+        v = torch.nn.functional.normalize(torch.from_numpy(view.camera_to_world[:3, 3]) - x, dim=-1)
+        return direct.lobes(x, n, v, torch.full((len(x),), 0.25), torch.ones(len(x)))[1]
+
+    light = glossy(guides.position, guides.normal).T.reshape(3, SIZE, SIZE)
+    edges = find_edges(scene, view, guides, CPU, direct)
+    samples = CameraRays(scene, view).sample(edges.pixel.numpy())
+    exact = glossy(samples.position, samples.normal).view(len(edges.pixel), -1, 3).mean(1).T
+    errors = []
+    for is_direct in (False, True):
+        mixed = light.clone()
+        edges.mix(mixed, LOBES.index("glossy"), is_direct)
+        errors.append(float((mixed.view(3, -1)[:, edges.pixel] - exact).abs().mean() / exact.mean()))
+    assert len(edges.pixel) > SIZE and errors[1] < min(0.1, errors[0] / 2), errors
