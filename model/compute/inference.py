@@ -26,12 +26,15 @@ import numpy as np
 import torch
 
 from ..progress import standing_still
+from .devices import free_memory
 from .threads import Once, shared
 
 # Rows per piece: large enough for the matrix products, small enough that a piece takes well under 0.2 s and that the
 # element-wise work between the products stays in the processor's cache.
 CHUNK = 512
 GPU_CHUNK = 4096
+ROW_BYTES = 56 << 10  # of a card, for a row of a sequence while a layer of the published network is computed
+SHARE = 0.5           # of a card's free memory that such rows may take: keys, values and features are kept beside them
 HUGE = 1 << 22  # bytes: numpy asks the system for huge pages from here on
 
 
@@ -59,9 +62,21 @@ class Pieces:
         """Rows of a sequence in a piece."""
         return self.limit(GPU_CHUNK) if device.type == "cuda" else CHUNK
 
+    def sequence_rows(self, device: torch.device, usual: int = 0) -> int:
+        """Rows of the transformer's sequences in a piece: on a card as many as its free memory is enough for, elsewhere
+        `usual` (0: as all else there)."""
+        if device.type != "cuda":
+            return usual or self.rows(device)
+        return self.rows(device) if self.are_small else max(rows_that_fit(device), GPU_CHUNK)
+
     def limit(self, size: int) -> int:
         """What becomes of any other size on a card."""
         return max(size // self._divisor, 1)
+
+
+def rows_that_fit(device: torch.device) -> int:
+    """Rows of a sequence that a card has memory for at this moment."""
+    return int(SHARE * free_memory(device)) // ROW_BYTES
 
 
 _pieces: ContextVar[Pieces | None] = ContextVar("pieces", default=None)
@@ -92,8 +107,9 @@ def current_pieces() -> Pieces:
 
 
 def cuts(begin: int, end: int, device: torch.device) -> list[slice]:
-    """begin..end in pieces that are computed one after the other: a single one outside of `inference()`."""
-    size = current_pieces().rows(device) if is_inference() else max(end - begin, 1)
+    """begin..end of a sequence in pieces that are computed one after the other: a single one outside of `inference()`,
+    and on a card with enough memory."""
+    size = current_pieces().sequence_rows(device) if is_inference() else max(end - begin, 1)
     return [slice(first, min(first + size, end)) for first in range(begin, end, size)]
 
 

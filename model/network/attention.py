@@ -10,7 +10,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from ..compute.inference import chunked, is_inference
+from ..compute.inference import chunked, current_pieces, is_inference
 from .block_attention import KeysValues, Window, attend_to_all
 from .config import SWIN_WINDOW
 from .layers import Linear, RMSNorm, Rotation
@@ -18,7 +18,7 @@ from .layers import Linear, RMSNorm, Rotation
 WINDOW = SWIN_WINDOW
 SHIFT = 4
 TOKENS = 8192   # of a band of windows: bounds the copies made to shift and partition
-WINDOWS = 32    # attended to together, for short polls
+WINDOWS = 32    # attended to together, for short polls; a card takes as many as its memory is enough for
 
 
 class Attention(nn.Module):
@@ -64,13 +64,23 @@ class SelfAttention(Attention):
 
 
 class CrossAttention(Attention):
-    """Queries of one sequence, keys and values of another."""
+    """Queries of one sequence, keys and values of another.
+
+    `dtype`: that these are multiplied in; None for that of the projections' results.
+    """
+
+    dtype: torch.dtype | None = None
 
     def __init__(self, width: int, heads: int):
         super().__init__(width, heads)
         self.q_proj = Linear(width, width, bias=False)
         self.k_proj = Linear(width, width, bias=False)
         self.v_proj = Linear(width, width, bias=False)
+
+    def split(self, x: torch.Tensor, norm: RMSNorm | None = None, rotation: Rotation | None = None) -> torch.Tensor:
+        """As every attention's, rounded to `dtype` at last."""
+        heads = super().split(x, norm, rotation)
+        return heads if self.dtype is None else heads.to(self.dtype)
 
     def queries(self, x: torch.Tensor, rotation: Rotation) -> torch.Tensor:
         """(..., D) -> (..., heads, head width)."""
@@ -118,8 +128,12 @@ class SwinAttention(SelfAttention):
         """(V, Hg, Wg, D), normalised by `norm` window by window -> (V, Hg, Wg, D)."""
         views, height, width = x.shape[:3]
         shift = SHIFT if self.shifted else 0
-        rows = WINDOW * max(1, TOKENS // (WINDOW * width * views)) if is_inference() else height
-        result = None
+        rows, together, result = height, 0, None
+        if is_inference():
+            tokens, attended = (current_pieces().sequence_rows(x.device, usual)
+                                for usual in (TOKENS, WINDOWS * WINDOW ** 2))
+            rows = WINDOW * max(1, tokens // (WINDOW * width * views))
+            together = max(1, attended // WINDOW ** 2)
         for begin in range(0, height, rows):
             end = min(begin + rows, height)
             lines = (torch.arange(begin, end, device=x.device) + shift) % height
@@ -127,7 +141,7 @@ class SwinAttention(SelfAttention):
             if shift:
                 mask = shift_mask((height, width), x.device).unflatten(0, (height // WINDOW, -1))
                 inputs.append(mask[begin // WINDOW:end // WINDOW].flatten(0, 1).repeat(views, 1, 1))
-            windows = chunked(lambda x, *mask: self._attend(norm(x), *mask), *inputs, size=WINDOWS)
+            windows = chunked(lambda x, *mask: self._attend(norm(x), *mask), *inputs, size=together)
             band = from_windows(windows, (end - begin, width)).roll(shift, dims=2)
             if result is None:
                 result = band.new_empty(views, height, *band.shape[2:])

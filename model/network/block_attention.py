@@ -10,7 +10,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate
+from itertools import accumulate, pairwise
 
 import torch
 from torch.nn import functional as F
@@ -18,6 +18,7 @@ from torch.nn import functional as F
 from ..compute.inference import current_pieces, cuts, is_inference, room
 from ..compute.threads import Once, shared
 from ..progress import report, standing_still
+from .attention_with_lse import attention_with_lse, has_kernels, merged
 
 SAFE_EXPONENT = 60.0  # exp of it, and of its negative, times the longest sequence, is far inside of float32
 
@@ -157,7 +158,7 @@ class Window:
     """Query i sees key j iff |i - j| <= half or either is one of the first `sink` tokens; every key if half is None."""
 
     QUERIES = 256  # sorted queries that share one band of keys
-    TOGETHER = 16  # such bands in one call on a card; a processor's caches hold the scores of one
+    TOGETHER = 16  # such bands in one call in training; a processor's caches hold the scores of one
 
     def __init__(self, length: int, sink: int, half: int | None, device: torch.device):
         self.length, self.half = length, half
@@ -169,6 +170,8 @@ class Window:
         """Queries begin, begin + 1, ... of one of the `pieces`, (heads, n, width) -> same."""
         if begin < self.sink:
             return attend_to_all(q, keys)
+        if is_inference() and has_kernels(q.device):
+            return self._attend_twice(q, keys, begin)
         count = self.QUERIES * (current_pieces().limit(self.TOGETHER) if uses_fused_attention(q) else 1)
         return torch.cat([self._attend_in_bands(q[:, first:first + count], keys, begin + first)
                           for first in range(0, q.shape[1], count)], dim=1)
@@ -182,6 +185,34 @@ class Window:
             return attend(q, [*sink, band], None if uses_fused_attention(q) else keys.longest)
         q = F.pad(q, (0, 0, 0, count * rows - n)).unflatten(1, (count, rows)).transpose(0, 1)
         return attend(q, [*sink, band]).transpose(0, 1).flatten(1, 2)[:, :n]
+
+    def _attend_twice(self, q: torch.Tensor, keys: KeysValues, begin: int) -> torch.Tensor:
+        """The same as `_attend_in_bands`, sink and band by themselves: no keys are copied, and the sink has no mask."""
+        band = self._attend_to_band(q, keys, begin)
+        if not self.sink:
+            return band[0]
+        sink = keys.rows(0, self.sink)
+        output, lse = attention_with_lse(q[None], sink.keys[None], sink.values[None])
+        return merged((output[0], lse[0]), band)
+
+    def _attend_to_band(self, q: torch.Tensor, keys: KeysValues, begin: int) -> tuple[torch.Tensor, torch.Tensor]:
+        """Sorted queries begin, begin + 1, ..., (heads, n, width), without the sink -> the same, and log-sum-exp
+        (heads, n) float32."""
+        n = q.shape[1]
+        rows = min(n, self.QUERIES)
+        count = -(-n // rows)
+        # Bands that are cut off at an end have masks of their own and copies of keys; all others share one mask.
+        inner = min(max(-(-(self.sink + self.half - begin) // rows), 0), count)
+        outer = min(max((self.length - self.half - begin) // rows, inner), count)
+        q = F.pad(q, (0, 0, 0, count * rows - n)).unflatten(1, (count, rows)).transpose(0, 1)
+        parts = []
+        for first, last in pairwise((0, inner, outer, count)):
+            if first < last:
+                band = self._visible_band(begin + first * rows, rows, last - first, keys)
+                pair = (x if x.ndim == 4 else x[None] for x in (band.keys, band.values))
+                parts.append(attention_with_lse(q[first:last], *pair, band.bias))
+        output, lse = (torch.cat(x).transpose(0, 1).flatten(1, 2)[:, :n] for x in zip(*parts))
+        return output, lse
 
     def _visible_band(self, begin: int, rows: int, count: int, keys: KeysValues) -> Visible:
         """What `count` times `rows` sorted queries from `begin` on see beyond the sink.

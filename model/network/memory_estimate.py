@@ -7,6 +7,7 @@ from .config import ModelConfig
 
 FULL = 4             # bytes of a float32
 STREAMS = 4          # copies of all tokens or ray tokens that exist at once: residual, result, normalised, rotated
+ENDS = 3             # bands of keys that are cut off at an end of the sequence: copied, with masks of their own
 DECODER = 4 << 10    # bytes of the published decoder for each pixel of a band
 
 
@@ -15,15 +16,15 @@ def estimate_card_bytes(config: ModelConfig, parameters: int, tokens: int, pixel
     """An upper estimate for a scene of so many tokens and a picture of so many pixels.
 
     parameters: of all networks in the render's precision. items: bytes of a weight, and of one of stage 2. cached:
-    bytes that stage 2 may cache of a scene. band: pixels that are decoded at once.
+    bytes that stage 2 may cache of a scene. band: pixels that are decoded at once. Where more memory is free, a render
+    takes a part of it for larger pieces.
     """
     item, view_item = items
     width, rays = config.latent_dim, pixels // config.patch_size ** 2
     window = 256 + 2 * config.local_attention_window_size_half
     layer_keys = 2 * tokens * width * item
-    stage1 = STREAMS * tokens * width * FULL + layer_keys + 16 * (window + tokens // config.summary_block_size) * (
-        2 * width * item + 256 * (1 + config.num_heads * item))
-    keys_values = 2 * tokens * width * view_item
+    stage1 = STREAMS * tokens * width * FULL + layer_keys + ENDS * window * (2 * width + 256) * item
+    keys_values = 2 * tokens * width * item
     layers = config.view_transformer_n_layers * keys_values
     stage2 = tokens * width * FULL + max(keys_values, layers if layers <= cached else 0) + (
         2 * STREAMS + len(config.decoder_layers)) * rays * width * FULL

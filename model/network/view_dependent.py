@@ -7,7 +7,7 @@ from collections.abc import Callable
 import torch
 from torch import nn
 
-from ..compute.inference import CHUNK, by_rows, chunked, cuts
+from ..compute.inference import CHUNK, by_rows, chunked, current_pieces, cuts, is_inference
 from ..progress import steps
 from .attention import CrossAttention, SwinAttention
 from .block_attention import KeysValues
@@ -47,7 +47,8 @@ class ViewDependentLayer(nn.Module):
 
         rays = by_rows(gather, cuts(0, len(x), x.device), x.device).view(grid)
         x = (rays + self.self_attn(rays, self.self_attn_norm)).flatten(0, 2)
-        return chunked(lambda x: x + self.ffn(self.ffn_norm(x)), x, into=x).view(grid)
+        size = current_pieces().sequence_rows(x.device) if is_inference() else 0
+        return chunked(lambda x: x + self.ffn(self.ffn_norm(x)), x, size=size, into=x).view(grid)
 
 
 class ViewDependentTransformer(nn.Module):

@@ -33,8 +33,9 @@ def test_every_recorded_tensor_is_reproduced(path):
 
 
 @needs_all
-def test_bfloat16_keeps_the_picture():
-    assert precision_psnr(Case.load(FULL / "net_full_few.json"), torch.bfloat16) > PSNR
+@pytest.mark.parametrize("exact_view", [False, True], ids=["on a processor", "on a card with TensorFloat-32"])
+def test_bfloat16_keeps_the_picture(exact_view):
+    assert precision_psnr(Case.load(FULL / "net_full_few.json"), torch.bfloat16, exact_view) > PSNR
 
 
 def test_self_checks_of_the_specification():

@@ -9,8 +9,9 @@ from torch.nn import functional as F
 from renderformer_v2.model import progress
 from renderformer_v2.model.compute import inference as inference_module
 from renderformer_v2.model.compute.inference import inference
-from renderformer_v2.model.network import block_attention
-from renderformer_v2.model.network.block_attention import KeysValues, attend_to_all
+from renderformer_v2.model.network import attention_with_lse, block_attention
+from renderformer_v2.model.network.block_attention import KeysValues, Window, attend_to_all
+from tests.model import card_kernels
 from tools.parity.self_check import window_sink_attention
 
 SIZES = [(1, 0, 2), (9, 9, 2), (12, 3, 2), (40, 0, 3), (300, 7, 1), (513, 0, 256), (600, 20, 256), (700, 30, 8),
@@ -39,6 +40,45 @@ def test_window_sink_attention_equals_a_dense_mask(length, sink, half, dtype, to
         actual = window_sink_attention(q.to(dtype), k.to(dtype), v.to(dtype), sink, half)
     assert actual.dtype == dtype
     torch.testing.assert_close(actual.float(), masked_reference(q, k, v, sink, half), atol=tolerance, rtol=tolerance)
+
+
+@pytest.mark.parametrize("rows", [300, 1024, 1 << 20], ids=["small pieces", "pieces", "whole"])
+@pytest.mark.parametrize("has_kernels", [False, True])
+@pytest.mark.parametrize("length, sink, half", SIZES)
+@pytest.mark.parametrize("dtype, tolerance", [(torch.float32, 1e-5), (torch.bfloat16, 5e-2)])
+@inference()
+def test_on_a_card_sink_and_band_by_themselves_equal_a_dense_mask(length, sink, half, dtype, tolerance, has_kernels,
+                                                                  rows, monkeypatch):
+    kernels = card_kernels.pretend(monkeypatch)
+    if not has_kernels:
+        monkeypatch.setattr(attention_with_lse, "is_right", lambda *_: False)
+    monkeypatch.setattr(block_attention, "uses_fused_attention", lambda q: True)
+    monkeypatch.setattr(inference_module, "CHUNK", rows)
+    q, k, v = sequence(length, seed=length, width=20)
+    actual = window_sink_attention(q.to(dtype), k.to(dtype), v.to(dtype), sink, half)
+    assert actual.dtype == dtype
+    torch.testing.assert_close(actual.float(), masked_reference(q, k, v, sink, half), atol=tolerance, rtol=tolerance)
+    is_sparse = length - sink > half + 1
+    assert bool(kernels.calls) == (has_kernels and is_sparse)
+    if kernels.calls:
+        pieces = -(-(length - sink) // rows)
+        assert [name for name, bias in kernels.calls].count("flash") == (pieces if sink else 0)
+        assert all(bias is not None for name, bias in kernels.calls if name == "efficient")
+
+
+@inference()
+def test_on_a_card_bands_in_the_interior_read_keys_where_they_are_and_share_one_mask(monkeypatch):
+    kernels = card_kernels.pretend(monkeypatch)
+    monkeypatch.setattr(block_attention, "uses_fused_attention", lambda q: True)
+    q, k, v = (x.transpose(0, 1).contiguous() for x in sequence(5000, seed=0, width=16))
+    given = []
+    monkeypatch.setattr(block_attention, "attention_with_lse", lambda *x, real=attention_with_lse.attention_with_lse:
+                        given.append(x) or real(*x))
+    Window(5000, 100, 256, q.device).attend(q[:, 100:], KeysValues([(k, v)]), 100)
+    inside = [k.data_ptr() <= keys.data_ptr() < k.data_ptr() + k.nbytes for _, keys, *_ in given]
+    bands = [len(several) for several, *_ in given]
+    assert inside == [False, True, False, True] and bands == [1, 17, 2, 1]
+    assert given[1][3].shape == (256, 768) and len(kernels.calls) == 4
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 40.0, 3e3])
