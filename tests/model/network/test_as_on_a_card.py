@@ -10,6 +10,7 @@ from torch.utils._python_dispatch import TorchDispatchMode
 
 from renderformer_v2.model.compute import inference as inference_module
 from renderformer_v2.model.compute.inference import current_pieces, cuts, inference
+from renderformer_v2.model.compute.threads import team
 from renderformer_v2.model.network import attention_with_lse, block_attention, renderformer
 from renderformer_v2.model.network.block_attention import Window
 from renderformer_v2.model.network.inputs import ViewInputs
@@ -29,10 +30,12 @@ CARD = torch.device("cuda", 0)
 
 @pytest.fixture(params=[inference_module.GPU_CHUNK, 1 << 20], ids=["in pieces", "whole"])
 def as_on_a_card(monkeypatch, request):
-    """PyTorch's own attention, and pieces as large as a card gets."""
+    """PyTorch's own attention, and pieces as large as a card gets, one after the other: what is watched is a thread."""
     card_kernels.pretend(monkeypatch)
     monkeypatch.setattr(block_attention, "uses_fused_attention", lambda q: True)
     monkeypatch.setattr(inference_module, "CHUNK", request.param)
+    with team(1):
+        yield
 
 
 @inference()
