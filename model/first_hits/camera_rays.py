@@ -43,7 +43,6 @@ class CameraRays:
     def __init__(self, scene: RenderScene, view: View):
         self._scene, self._view, self._eye = scene, view, view.camera_to_world[:3, 3]
         self._rays = scene_rays(scene).among(SEEN, Ray.CAMERA)
-        self.shape = view.height, view.width
 
     def closest(self, direction: np.ndarray) -> Hits:
         """The first hits along directions (P, 3), with triangles by their row in the geometry."""

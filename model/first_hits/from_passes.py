@@ -174,7 +174,7 @@ def _add_hits_behind_media(camera: CameraRays, scene: RenderScene, view: View, h
 
 def _show_surfaces(passes: Passes) -> np.ndarray:
     """(H, W) bool: pixels that show some of a surface, and not only a medium, which covers them too."""
-    return np.any([passes[key].any(-1) for key in ("normal", "diffuse_color", "glossy_color", "transmission_color")], 0)
+    return np.any([passes[key].any(-1) for key in ("normal", *denoise_media.COLORS)], 0)
 
 
 def _behind_media(scene: RenderScene, camera: CameraRays, hit: np.ndarray, surfaces: FirstSurfaces) -> Behind:

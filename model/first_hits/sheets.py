@@ -32,7 +32,7 @@ from .denoise_media import COLORS, varies
 from .from_passes import FirstSurfaces
 from .from_rays import colors_of_texels, material_of_tokens
 
-LEAST, MOST = 0.03, 0.97  # mean share that passes straight
+MOST = 0.97               # mean share that passes straight, above which there is hardly a surface
 EVEN = 0.03               # standard deviation of what a tile transmits, above which it is a cut-out shape
 LAYERS = 4                # of sheets before something else: where there are more, the means of samples tell more
 GAP = 1e-4                # of the distance of the first sheet, behind a sheet where a ray goes on
@@ -44,7 +44,7 @@ def sheet_tiles(scene: RenderScene) -> np.ndarray:
     """(T, 3) share of each colour that passes tiles straight which are half-transparent all over; 0 of others."""
     clear = clear_tiles(scene)
     share = clear.mean(axis=1)
-    rows = np.flatnonzero((share > LEAST) & (share < MOST))
+    rows = np.flatnonzero((share > 0) & (share < MOST))
     rows = rows[scene.tiles[rows, TRANSMISSION].astype(np.float32).std(axis=(1, 2)) < EVEN]
     sheets = np.zeros_like(clear)
     sheets[rows] = clear[rows]
@@ -89,8 +89,8 @@ def through_sheets(guides: Guides, scene: RenderScene, view: View) -> Guides:
     pixels, sky = pixels[few], sky[few]
     if not len(pixels):
         return guides
-    is_sheet, rays = np.zeros(len(rays), bool), rays[pixels]
-    is_sheet[pixels] = True
+    is_sheet, rays = np.zeros(guides.alpha.shape, bool), rays[pixels]
+    is_sheet.flat[pixels] = True
     first = FirstSurfaces.of_hits(scene, Hits(*(x[pixels] for x in hits)), eye, rays)
     tint, (x, y) = clear[first.token], texels(first.weights)
     texel = own_texels(scene.tiles[scene.seen_tile[first.token], :, y, x].astype(np.float32), tint)
@@ -100,7 +100,7 @@ def through_sheets(guides: Guides, scene: RenderScene, view: View) -> Guides:
     colors = _mixed_at_borders(colors, pixels, is_sheet, clear, CameraRays(scene, view))
     values = dict(zip(("position", "normal", "hit_triangle", "hit_barycentric"), first, strict=True))
     values |= dict(zip(COLORS, colors, strict=True)) | _sky_in(guides, pixels, sky)
-    result = replace(guides, straight=is_sheet.reshape(guides.alpha.shape), **{
+    result = replace(guides, straight=is_sheet, **{
         name: _replaced(getattr(guides, name), pixels, value) for name, value in values.items()})
     material = material_of_tokens(scene, result)
     material.reshape(-1, material.shape[-1])[pixels] = texel[:, PARAMETERS]
@@ -131,8 +131,9 @@ def _replaced(picture: np.ndarray, pixels: np.ndarray, values: np.ndarray) -> np
 
 def _mixed_at_borders(colors: np.ndarray, pixels: np.ndarray, is_sheet: np.ndarray, clear: np.ndarray,
                       camera: CameraRays) -> np.ndarray:
-    """Colours (3, P, 3) of sheets in the middle of pixels, where they end mixed with those of what is beside them."""
-    borders = np.flatnonzero(varies(is_sheet.reshape(camera.shape)[..., None].astype(np.float32)).ravel()[pixels])
+    """Colours (3, P, 3) of sheets in the middle of pixels by number, mixed with those of what is beside them where the
+    picture (H, W) of sheets ends."""
+    borders = np.flatnonzero(varies(is_sheet[..., None].astype(np.float32)).ravel()[pixels])
     for batch in np.array_split(borders, len(borders) // BATCH + 1):
         samples = camera.sample(pixels[batch])
         is_own = clear[samples.token].any(-1)[..., None]

@@ -81,7 +81,8 @@ def find_edges(scene: RenderScene, view: View, guides: Guides, device: torch.dev
             neighbours.append(first + around)
             shares.append(share)
             of_direct.append(share_of_direct)
-    return Edges(torch.cat(pixels), torch.cat(neighbours), torch.cat(shares, 1), torch.cat(of_direct, 1))
+    share = torch.cat(shares, 1)
+    return Edges(torch.cat(pixels), torch.cat(neighbours), share, share if direct is None else torch.cat(of_direct, 1))
 
 
 def _to_planes(picture: np.ndarray, device: torch.device) -> Tensor:
@@ -156,7 +157,7 @@ class _Picture:
         sampled, unseen = sampled + BLACK, UNSEEN * (albedo.flatten(1)[:, neighbours] * inside)
         share = direct = torch.einsum("cek,ekn->cen", sampled, weight) + unseen
         total = share.sum(-1, keepdim=True)
-        if light is not None and len(pixel):
+        if light is not None:
             normal = normal[..., 0]
             gain = light.gain(position[..., 0], normal, neighbours, weight)
             mean = F.normalize(normal.mean(-1), dim=0)

@@ -92,13 +92,11 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
         mirrors = replace(surfaces, roughness=roughness_within(surfaces))
         gloss = glossy_bounces(radiosity, probes, mirrors, filters, effort, is_traced, with_direct)
     with part(0.4, 0.5):
-        passes = surfaces.transmission.amax(-1, keepdim=True) > 0
-        if surfaces.straight is not None:
-            passes &= ~surfaces.straight
+        passes = surfaces.is_glass
         with_chains = bounced
         if surfaces.translucent is not None:
             is_translucent = surfaces.translucent > 0
-            passes |= is_translucent
+            passes = passes | is_translucent
             through = light_behind(partial(radiosity.behind, effort=effort), probes, rise, filters, is_translucent)
             with_chains, bounced = (torch.lerp(bounced, through[kind], surfaces.translucent)
                                     for kind in ("all", "bounced" if is_traced else "all"))

@@ -79,6 +79,12 @@ class HitSurfaces:
         return RAISED * (origins + distance * rays).norm(dim=-1, keepdim=True)
 
     @property
+    def is_glass(self) -> Tensor:
+        """(h, W, 1) bool: where transmission is that of glass, and does not go straight on."""
+        passes = self.transmission.amax(-1, keepdim=True) > 0
+        return passes if self.straight is None else passes & ~self.straight
+
+    @property
     def is_toward(self) -> Tensor:
         """(h, W, 1) bool: not where smooth shading gives a face the normal of its back, and Cycles shows no gloss."""
         return (self.normal * self.rays).sum(-1, keepdim=True) < LEANING

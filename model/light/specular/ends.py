@@ -12,6 +12,7 @@ import numpy as np
 from ...camera import view_rays_at
 from ...compute.threads import spread
 from ...first_hits.camera_rays import CameraRays
+from ...first_hits.sheets import sheet_tiles
 from ...geometry import facing, reflected, refracted
 from ...progress import part
 from ...scene import IOR, ROUGHNESS, Guides, RenderScene, View
@@ -19,7 +20,7 @@ from ...scene_rays import scene_rays
 from ...shading import surface
 from ...surface_kinds import ALL, BENDING, SEEN, STRAIGHT_THROUGH, Ray
 from .facets import pixel_starts, rough_facets
-from .paths import Lobe, Media, PathEnds, follow_paths
+from .paths import Lobe, Media, PathEnds, Sheets, follow_paths
 
 PATHS = 1 << 18  # of a lobe, at most
 CHUNK = 1 << 14  # paths that are followed at a time
@@ -72,16 +73,17 @@ def _follow(guides: Guides, scene: RenderScene, view: View, lobe: PathLobe, rows
     """The paths of some pixels, every `step`-th, in chunks."""
     rays = scene_rays(scene)
     everything = rays.among(ALL, lobe.ray)
-    seen = rays.among(SEEN, Ray.CAMERA).closest
+    passes_sheets = guides.straight is not None and lobe.ray == Ray.TRANSMISSION
+    clear, seen = (sheet_tiles(scene), rays.among(SEEN, Ray.CAMERA).closest) if passes_sheets else (None, None)
     # Where paths start at half-transparent sheets, these are not what touches glass.
-    solid = rays.among(ALL & ~BENDING if guides.straight is None else ALL & ~BENDING & ~STRAIGHT_THROUGH, lobe.ray)
-    solid = solid.closest if len(rays.rows(BENDING, lobe.ray)) else None
+    touched = ALL & ~BENDING if guides.straight is None else ALL & ~BENDING & ~STRAIGHT_THROUGH
+    solid = rays.among(touched, lobe.ray).closest if len(rays.rows(BENDING, lobe.ray)) else None
 
     def follow(rows: np.ndarray, columns: np.ndarray) -> PathEnds:
         start = pixel_starts(rows // step, columns // step) if lobe.ray == Ray.TRANSMISSION else None
         first = _first_segments(guides, scene, view, rows, columns, start)
-        straight = None if start is None or guides.straight is None else guides.straight[rows, columns]
-        return follow_paths(scene, everything.closest, *first, solid, media, start, straight, seen)
+        sheets = Sheets(clear, guides.straight[rows, columns], seen) if passes_sheets else None
+        return follow_paths(scene, everything.closest, *first, solid, media, start, sheets)
 
     chunks = [(rows[first:first + CHUNK], columns[first:first + CHUNK]) for first in range(0, len(rows), CHUNK)]
     with part(0.0, 1.0, "Tracing mirrors and glass"):

@@ -23,9 +23,7 @@ def frosted(light: Tensor, surfaces: HitSurfaces) -> Tensor:
     It grows with the square of the roughness, as the lobe does. Only pixels of the same surface count (the
     edge-avoiding wavelets of `neighbour_weights`).
     """
-    is_glass = surfaces.transmission.amax(-1) > 0
-    if surfaces.straight is not None:
-        is_glass &= ~surfaces.straight[..., 0]
+    is_glass = surfaces.is_glass[..., 0]
     is_rough = is_glass & (surfaces.roughness > LEAST_ROUGHNESS)
     if not is_rough.any():
         return light

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ...first_hits.from_rays import colors_of_texels
-from ...first_hits.sheets import own_texels, sheet_tiles
+from ...first_hits.sheets import own_texels
 from ...geometry import dot, reflected, refracted
 from ...material.reflectance import LEAST_LAYER, fresnel, layer_reflectance
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
@@ -61,6 +62,14 @@ class Lobe:
             own[rows] = other
 
 
+class Sheets(NamedTuple):
+    """Half-transparent surfaces on the way of P paths."""
+
+    clear: np.ndarray     # (T, 3) of first_hits.sheets.sheet_tiles
+    straight: np.ndarray  # (P,) bool, paths that begin on one, as they came
+    seen: Cast            # of what the camera sees, which these meet
+
+
 def blur(roughness):
     """0 to 1 (array or tensor): how much a reflection is a mean over the lobe instead of an image."""
     x = ((roughness - SHARP) / (BLURRED - SHARP)).clip(0, 1)
@@ -69,7 +78,7 @@ def blur(roughness):
 
 def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarray, eye: np.ndarray,
                  solid: Cast | None = None, media: Media | None = None, start: np.ndarray | None = None,
-                 straight: np.ndarray | None = None, seen: Cast | None = None) -> PathEnds:
+                 sheets: Sheets | None = None) -> PathEnds:
     """Follow paths from world points (P, 3) along unit directions (P, 3); none may start at a lamp.
 
     A path that has passed SURFACES surfaces ends at the last one as if that were matte. eye: (3,) or (P, 3), the point
@@ -77,13 +86,13 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
     (S,) i32, -1 for none, and its distance (S,). solid: the same for everything but glass, so that paths end at what
     glass touches. media: share of light (S, 1 or 3) that gets from points (S, 3) along directions (S, 3) for distances
     (S,). start: (P, 2) of `pixel_starts`, of refractions, which meet facets of rough glass; None of reflections, which
-    take glass for smooth. straight: (P,) bool, paths that begin on half-transparent sheets; they meet what is `seen` by
-    the camera, a cast. What shines straight behind sheets is not in the light, nor are lamps that the `lobe` shows.
+    take glass for smooth. sheets: of refractions, where some begin on half-transparent surfaces; what shines straight
+    behind these is not in the light, nor are lamps that the `lobe` shows.
     """
     zeros = lambda channels: np.zeros((len(origin), channels), np.float32)  # noqa: E731
     ends = PathEnds(*map(zeros, (3, 3, 3, 3)), *(Lobe(*map(zeros, (3, 3, 3, 1, 1))) for _ in range(2)))
     shows_lamps = np.ones(len(origin), bool)
-    sheets, straight = (None, None) if straight is None else (sheet_tiles(scene), straight.copy())
+    straight = None if sheets is None else sheets.straight.copy()
     path, tint = np.arange(len(origin)), np.ones((len(origin), 3), np.float32)
     kind = np.full(len(origin), Ray.GLOSSY if start is None else Ray.TRANSMISSION, np.uint8)
     token, is_light = np.append(scene.surfaces.token, -1), scene.is_light
@@ -94,7 +103,7 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
             break
         triangle, distance = cast(origin, direction)[:2]
         if sheets is not None and (rows := straight[path]).any():
-            triangle[rows], distance[rows] = seen(origin[rows], direction[rows])[:2]
+            triangle[rows], distance[rows] = sheets.seen(origin[rows], direction[rows])[:2]
         if solid is not None:
             touched, gap = solid(before, direction)[:2]
             touches = (touched >= 0) & (gap < 3 * LIFT * reach)
@@ -119,7 +128,7 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
         matte = np.where(metallic > PURE, 1, (1 - metallic) * (1 - transmission))  # a rough metal counts as matte
         passes = np.zeros(len(path), bool)
         if sheets is not None:
-            clear = sheets[scene.tile_index[token[triangle]]]
+            clear = sheets.clear[scene.tile_index[token[triangle]]]
             passes, on_sheet = _passes_sheets(clear, start[path], SURFACES - remaining)
             tint[on_sheet] = arrived[on_sheet] * _seen_of_sheets(texel, clear, passes)[on_sheet]
             is_glass, matte = is_glass & ~on_sheet, np.where(on_sheet, 1, matte)
