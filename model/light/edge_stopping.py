@@ -5,6 +5,7 @@ Positions and normals are planes (3, h, w), which PyTorch adds up much faster th
 """
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 
 import torch
@@ -57,14 +58,25 @@ def neighbour_weights(x: Tensor, n: Tensor, tolerance: Tensor, spread: int,
     close: as of `edge_weights`. Weights are 0 beyond the sides; they are those of the edge-avoiding wavelets that
     denoise traced light (Dammertz et al. 2010).
     """
-    h, w = tolerance.shape
+    numbers, weights = [], []
+    for number, tent, (there, normal) in neighbours((x, n), spread):
+        numbers.append(number)
+        weights.append(tent * edge_weights(there - x, normal, n, tolerance, close, squarings))
+    return torch.stack(numbers, -1).flatten(0, 1), torch.stack(weights).flatten(1).T.contiguous()
+
+
+def neighbours(planes: tuple[Tensor, ...], spread: int) -> Iterator[tuple[Tensor, float, tuple[Tensor, ...]]]:
+    """The 5x5 points `spread` apart around each pixel: their numbers (h, w), row by row, weight, and planes (C, h, w).
+
+    Planes are 0 beyond the sides.
+    """
+    h, w = planes[0].shape[1:]
     reach = SIDE // 2 * spread
-    padded, steps, weights = F.pad(torch.cat([x, n]), (reach,) * 4), [], []
+    padded = F.pad(torch.cat(planes), (reach,) * 4)
+    own = torch.arange(h * w, device=padded.device).view(h, w)
     for down, tall in enumerate(TENT):
         for right, wide in enumerate(TENT):
             top, left = spread * down, spread * right
-            there, normal = padded[:, top:top + h, left:left + w].split(3)
-            weights.append(tall * wide * edge_weights(there - x, normal, n, tolerance, close, squarings))
-            steps.append((top - reach) * w + left - reach)
-    number = torch.arange(h * w, device=x.device)[:, None] + torch.tensor(steps, device=x.device)
-    return number.clamp(0, h * w - 1), torch.stack(weights).flatten(1).T.contiguous()
+            number = (own + (top - reach) * w + left - reach).clamp(0, h * w - 1)
+            there = padded[:, top:top + h, left:left + w].split([len(plane) for plane in planes])
+            yield number, tall * wide, there

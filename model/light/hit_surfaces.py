@@ -10,24 +10,10 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..camera import view_rays_at
-from ..material.reflectance import LEAST_LAYER, layer_reflectance
-from ..scene import (
-    BASE_COLOR,
-    IOR,
-    METALLIC,
-    PARAMETERS,
-    ROUGHNESS,
-    TILE_CHANNELS,
-    TRANSMISSION,
-    Guides,
-    RenderScene,
-    View,
-    texels,
-)
+from ..first_hits.hit_materials import hit_reflectances, hit_roughness, hit_translucence
+from ..scene import Guides, RenderScene, View
 from .fresnel import lobe_albedo
 
-UNKNOWN_ROUGHNESS = 0.5  # where no token triangle lies behind a pixel (hair, sub-pixel geometry)
-UNKNOWN_F0 = 0.04        # likewise, of a layer
 LEANING = 0.2            # cosine up to which Cycles turns normals back
 RAISED = 0.1             # pixels that rays start off curved surfaces, below which the mean of a pixel's first hits lies
 
@@ -66,7 +52,7 @@ class HitSurfaces:
                    diffuse, glossy, transmission, roughness, f0,
                    diffuse.mean(-1) / glossy.mean(-1).clamp_min(1e-6),
                    None if guides.straight is None else torch.from_numpy(guides.straight).to(device)[..., None],
-                   None if scene.translucent is None else to_tensor(_translucence(scene, guides))[..., None],
+                   None if scene.translucent is None else to_tensor(hit_translucence(scene, guides))[..., None],
                    None if scene.group is None or not len(scene) else scene.group[guides.hit_triangle.clip(0)])
 
     @property
@@ -108,37 +94,3 @@ def _relative_f0(metal: Tensor, layer: Tensor, f0: Tensor, cosine: Tensor, rough
     albedo = lobe_albedo(torch.ones(()), cosine.flatten(), roughness.flatten()).view_as(cosine)
     metal = metal / albedo  # light that bounces between its facets is uniform
     return (metal + layer * f0) / (metal + layer).clamp_min(1e-6)
-
-
-def hit_roughness(scene: RenderScene, guides: Guides) -> np.ndarray:
-    """(H, W) f32 roughness of the texel that each pixel's first hit lies on."""
-    roughness = _hit_texels(scene, guides, slice(ROUGHNESS, ROUGHNESS + 1))[..., 0]
-    return np.where(guides.hit_triangle >= 0, roughness, np.float32(UNKNOWN_ROUGHNESS))
-
-
-def hit_reflectances(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(H, W) f32 each, of the same texel: reflectance of its metal, share of a dielectric layer, and f0 of the layer.
-
-    A layer that reflects next to nothing at normal incidence has a share of 0.
-    """
-    texel = _hit_texels(scene, guides, PARAMETERS)
-    is_known, metallic, transmission = guides.hit_triangle >= 0, texel[..., METALLIC], texel[..., TRANSMISSION]
-    f0 = np.where(is_known, layer_reflectance(texel[..., IOR], transmission), UNKNOWN_F0)
-    metal = is_known * metallic * texel[..., BASE_COLOR].mean(-1)
-    return metal, (1 - is_known * metallic) * (f0 / LEAST_LAYER).clip(max=1), f0
-
-
-def _translucence(scene: RenderScene, guides: Guides) -> np.ndarray:
-    """(H, W) of the tiles of the first hits."""
-    return scene.translucent[scene.seen_tile[guides.hit_triangle.clip(0)]] * (guides.hit_triangle >= 0)
-
-
-def _hit_texels(scene: RenderScene, guides: Guides, channels: slice) -> np.ndarray:
-    """(H, W, C) f32, these channels of the material tiles; arbitrary where nothing is hit."""
-    if guides.material is not None:
-        return guides.material[..., channels].astype(np.float32)
-    hit = guides.hit_triangle
-    if not len(scene.triangles):
-        return np.zeros((*hit.shape, len(range(TILE_CHANNELS)[channels])), np.float32)
-    x, y = texels(guides.hit_barycentric)
-    return scene.tiles[scene.seen_tile[np.maximum(hit, 0)], channels, y, x].astype(np.float32)

@@ -38,26 +38,29 @@ def ggx_directions(normal: Tensor, outgoing: Tensor, roughness: Tensor, count: i
                    start: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Unit vectors (P, count, 3) from which a GGX surface reflects light towards `outgoing` (P, 3).
 
-    normal: (P, 3) unit; roughness: (P,), perceptual; start: (P, 2) in [0, 1). Facet normals are distributed as in
-    Walter et al. 2007, equation 35. Also returns, (P, count) each: weights, whose mean is the share of uniform light
-    that lossless facets reflect; the cosine at which light meets the facets; and the density by solid angle.
+    normal: (P, 3) unit; roughness: (P,), perceptual; start: (P, 2) in [0, 1). Facet normals are distributed as the
+    viewer sees them (Heitz 2018, in the form of Dupuy and Benyoub 2023). Also returns, (P, count) each: weights, whose
+    mean is the share of uniform light that lossless facets reflect; the cosine at which light meets the facets; and the
+    density by solid angle.
     """
-    alpha2 = roughness.clamp_min(0.05)[:, None] ** 4
+    alpha = roughness.clamp_min(0.05)[:, None].square()
+    alpha2, basis = alpha.square(), local_basis(normal)
+    x, y, viewer = (basis @ outgoing[..., None])[..., 0].split(1, 1)
+    viewer = viewer.abs().clamp_min(1e-3)
+    outgoing = F.normalize(torch.cat([x, y, viewer], 1), dim=1)[:, None]
+    stretch = torch.cat([alpha, alpha, torch.ones_like(alpha)], 1)[:, None]
+    seen_from = F.normalize(outgoing * stretch, dim=-1)  # by facets that are distributed as on a sphere
     k = torch.arange(count, device=normal.device)
-    u = (k + start[:, :1]) / count
-    phi = 2 * math.pi * ((k * GOLDEN + start[:, 1:]) % 1)
-    cosine = ((1 - u) / (1 + (alpha2 - 1) * u)).clamp(0, 1).sqrt()
-    sine = (1 - cosine.square()).sqrt()
-    half = torch.stack([sine * phi.cos(), sine * phi.sin(), cosine], -1) @ local_basis(normal)
-    facet_cosine = (half * outgoing[:, None]).sum(-1).clamp_min(0)
-    direction = F.normalize(2 * facet_cosine[..., None] * half - outgoing[:, None], dim=-1)
-    leaving = (direction * normal[:, None]).sum(-1).clamp_min(0)
-    viewer = (outgoing * normal).sum(-1, keepdim=True).abs().clamp_min(1e-3)
-    into, out = (x * smith_root(y, alpha2) for x, y in ((leaving, viewer), (viewer, leaving)))
-    unmasked = 2 * leaving / (into + out).clamp_min(1e-6)
-    density = alpha2 * cosine / (
-        4 * math.pi * (cosine.square() * (alpha2 - 1) + 1).square() * facet_cosine.clamp_min(1e-3))
-    return direction, unmasked * facet_cosine / cosine.clamp_min(1e-3), facet_cosine, density
+    cosine = 1 - (k + start[:, :1]) / count * (1 + seen_from[..., 2])
+    phi, sine = 2 * math.pi * ((k * GOLDEN + start[:, 1:]) % 1), (1 - cosine.square()).clamp_min(0).sqrt()
+    facet = torch.stack([sine * phi.cos(), sine * phi.sin(), cosine], -1) + seen_from
+    facet = F.normalize(facet * stretch, dim=-1)
+    facet_cosine = (facet * outgoing).sum(-1).clamp_min(0)
+    direction = F.normalize(2 * facet_cosine[..., None] * facet - outgoing, dim=-1)
+    leaving, root = direction[..., 2].clamp_min(0), smith_root(viewer, alpha2)
+    weight = leaving * (viewer + root) / (leaving * root + viewer * smith_root(leaving, alpha2)).clamp_min(1e-6)
+    density = alpha2 / (2 * math.pi * (viewer + root) * (facet[..., 2].square() * (alpha2 - 1) + 1).square())
+    return direction @ basis, weight, facet_cosine, density
 
 
 def smith_root(cosine: Tensor, alpha2: Tensor) -> Tensor:

@@ -202,8 +202,7 @@ class DirectLight:
         if (environment := self.sky_seen_by(Ray.DIFFUSE)) is not None:
             diffuse = diffuse + environment.irradiance(n) * visible.sky / math.pi
         if (environment := self.sky_seen_by(Ray.GLOSSY)) is not None:
-            mirrored = 2 * cosine * n - v
-            glossy = glossy + environment.filtered(mirrored, roughness) * visible.glossy_sky
+            glossy = glossy + environment.reflected(n, v, roughness, f0) * visible.glossy_sky
         if (environment := self.sky_seen_by(Ray.TRANSMISSION)) is not None:
             transmitted = environment.filtered(-v, roughness) * visible.sky_behind
         return diffuse * has_normal, glossy * has_normal * (cosine > -LEANING), transmitted * has_normal

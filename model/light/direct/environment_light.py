@@ -2,7 +2,9 @@
 """Irradiance and roughness-filtered radiance of a lat-long environment map, in closed form per direction.
 
 Diffuse light uses nine spherical-harmonic coefficients (Ramamoorthi and Hanrahan 2001), glossy light a stack of maps
-blurred by the GGX lobe (the first half of Karis' split sum, 2013). The share that arrives is found by rays.
+blurred by the GGX lobe (the first half of Karis' split sum, 2013), which a lobe reads in a few directions, as it is
+round only where it is seen from above (filtered importance sampling, Krivanek and Colbert 2008). The share that arrives
+is found by rays.
 """
 from __future__ import annotations
 
@@ -17,12 +19,15 @@ from ...compute.devices import run_operator
 from ...environment import direction_map
 from ..chunks import in_chunks
 from ..cutouts import Cutouts
+from ..fresnel import schlick
 from ..media.transmittance import Fog
-from ..sampling import cosine_directions
+from ..sampling import cosine_directions, ggx_directions
 from ..tensor_rays import TensorRays
 
 ROUGHNESS_LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
 BLUR = 0.3                            # roughness at which one of many rays reads the map
+POLISHED = 0.1                        # roughness up to which a lobe is narrow from all sides
+TAPS = 16                             # of a wider lobe
 SHARP, COARSE = (64, 128), (32, 64)  # map sizes of level 0 and of the blurred levels
 COSINE_LOBE = (math.pi, 2 * math.pi / 3, math.pi / 4)  # zonal coefficients of the clamped cosine, bands 0, 1, 2
 LIFT = 1e-4      # network units that a ray starts off its surface
@@ -84,6 +89,26 @@ class EnvironmentLight:
         sampled = run_operator("grid_sampler_3d", F.grid_sample, self.levels, grid[None, :, None, None],
                                mode="bilinear", padding_mode="border", align_corners=False)
         return sampled[0, :, :, 0, 0].T
+
+    def reflected(self, normal: Tensor, outgoing: Tensor, roughness: Tensor, f0: Tensor) -> Tensor:
+        """(P, 3) radiance that a white glossy lobe sends towards `outgoing`, relative to that of uniform light.
+
+        normal, outgoing: (P, 3), unit; roughness (perceptual), f0: (P,).
+        """
+        mirrored = 2 * (normal * outgoing).sum(-1, keepdim=True) * normal - outgoing
+        radiance = self.filtered(mirrored, roughness)
+        wide = (roughness > POLISHED).nonzero()[:, 0]
+        if not len(wide):
+            return radiance
+        normal, outgoing, roughness, f0 = (values[wide] for values in (normal, outgoing, roughness, f0))
+        direction, weight, cosine, density = ggx_directions(normal, outgoing, roughness, TAPS,
+                                                            torch.full_like(normal[:, :2], 0.5))
+        weight = weight * schlick(f0[:, None], cosine)
+        weight = weight / weight.sum(1, keepdim=True).clamp_min(1e-6)
+        # A lobe of this roughness has the solid angle of a tap, 4 pi alpha^2.
+        blur = torch.minimum((4 * math.pi * TAPS * density).clamp_min(1e-6) ** -0.25, roughness[:, None])
+        taps = self.filtered(direction.flatten(0, 1), blur.flatten()).view_as(direction)
+        return radiance.index_put((wide,), (weight[..., None] * taps).sum(1))
 
 
 def _lobe(cosine: Tensor, roughness: float) -> Tensor:

@@ -12,6 +12,7 @@ import numpy as np
 from ...camera import view_rays_at
 from ...compute.threads import spread
 from ...first_hits.camera_rays import CameraRays
+from ...first_hits.hit_materials import hit_roughness
 from ...first_hits.sheets import sheet_tiles
 from ...geometry import facing, reflected, refracted
 from ...progress import part
@@ -20,7 +21,7 @@ from ...scene_rays import scene_rays
 from ...shading import surface
 from ...surface_kinds import ALL, BENDING, SEEN, STRAIGHT_THROUGH, Ray
 from .facets import pixel_starts, rough_facets
-from .paths import Lobe, Media, PathEnds, Sheets, follow_paths
+from .paths import BLURRED, Lobe, Media, PathEnds, Sheets, follow_paths
 
 PATHS = 1 << 18  # of a lobe, at most
 CHUNK = 1 << 14  # paths that are followed at a time
@@ -39,7 +40,7 @@ class PathLobe(NamedTuple):
     other_lobe: str
 
 
-LOBES = (PathLobe("reflected", "glossy_color", "glossy", Ray.GLOSSY, 0.08, "mirrored", "layer"),  # above plastic's
+LOBES = (PathLobe("reflected", "glossy_color", "glossy", Ray.GLOSSY, 0.02, "mirrored", "layer"),
          PathLobe("refracted", "transmission_color", "transmission", Ray.TRANSMISSION, 0.05, "exit",
                    "inner"))
 
@@ -51,6 +52,9 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
     """
     masks = {lobe: (getattr(guides, lobe.albedo).max(-1) > lobe.least) & (guides.hit_triangle >= 0) for lobe in LOBES
              if min(scene.most_bounces[lobe.bounces], scene.most_bounces["all"])}
+    for lobe, mask in masks.items():
+        if lobe.ray == Ray.GLOSSY:
+            mask &= hit_roughness(scene, guides) < BLURRED
     masks = {lobe: mask for lobe, mask in masks.items() if mask.any()}
     if not masks:
         return guides

@@ -16,7 +16,9 @@ from ..hit_surfaces import HitSurfaces, tensors_on
 from ..probes import Probes
 from ..sampling import r2_starts
 from .frosted import frosted
+from .glossy_image import blurred_image
 
+LEAST_SHARE = 1e-3  # of a lobe, that meets surfaces, from which on their image is all that it shows
 RAYS = 4           # to each emitter from a mirrored point
 FINE = 0.03, 0.08  # roughness up to which one path finds the highlights in a mirror, and from which rays of the lobe do
 PathEndLight = Callable[[str, Guides], tuple[dict[str, Tensor], Tensor]]  # `path_end_light`, of a lobe
@@ -30,12 +32,21 @@ def reflected_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, 
     paths were followed.
     """
     light, has_end = path_ends("reflected", guides)
-    if "complete" in light and guides.reflected_light is not None:
+    if not light:
+        return light, has_end
+    to_tensor, has_light = tensors_on(has_end.device), "complete" in light and guides.reflected_light is not None
+    if has_light:
+        light["complete"] = light["complete"] + to_tensor(guides.reflected_light)
+    image = torch.cat([*light.values(), has_end.float()], -1)
+    *images, share = blurred_image(image, to_tensor(guides.reflected_position), has_end, surfaces).split(
+        [3] * len(light) + [1], -1)
+    light = dict(zip(light, images, strict=True))
+    if has_light:
         mean = ((surfaces.roughness[..., None] - FINE[0]) / (FINE[1] - FINE[0])).clamp(0, 1)
-        light["complete"] = (light["complete"] + tensors_on(direct.device)(guides.reflected_light)
+        light["complete"] = (light["complete"]
                              + torch.lerp(mirrored_highlights(guides, surfaces, direct, "mirrored"), highlights, mean)
                              + mirrored_highlights(guides, surfaces, direct, "layer"))
-    return light, has_end
+    return light, share > LEAST_SHARE
 
 
 def refracted_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, path_ends: PathEndLight,

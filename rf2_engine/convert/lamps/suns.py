@@ -16,7 +16,7 @@ CORE = math.radians(5)          # radius of the area that a sun lies in
 CENTRINGS = 3                   # from its brightest texel to its middle
 RING = math.radians(8)          # outer radius of its surroundings
 CONTRAST = 8                    # times as bright as most of the ring
-SHARE = 0.1                     # of the irradiance of a surface that faces it, beside all else
+SHARE = 0.03                    # of the irradiance of a surface that faces it, beside all else
 
 
 def split_suns(environment: np.ndarray) -> tuple[np.ndarray, list[Sun]]:

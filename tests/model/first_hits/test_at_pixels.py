@@ -5,7 +5,7 @@ import pytest
 
 from renderformer_v2.model.first_hits.at_pixels import BLUR, Appearance
 from renderformer_v2.model.first_hits.camera_rays import SPREAD, cast_guides
-from renderformer_v2.model.light.hit_surfaces import hit_roughness
+from renderformer_v2.model.first_hits.hit_materials import hit_roughness
 from renderformer_v2.model.scene import METALLIC, ROUGHNESS, RenderScene, View, constant_tile
 
 FORWARD = np.float32([(1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)])  # along Y, Z is up

@@ -1,34 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the surfaces that pixels show reflect."""
-import numpy as np
 import torch
 
-from renderformer_v2.model.light.hit_surfaces import HitSurfaces, hit_reflectances, hit_roughness
-from renderformer_v2.model.scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION
+from renderformer_v2.model.light.hit_surfaces import HitSurfaces
 from tests.model.samples import floor_scene, floor_view
-
-
-def test_what_a_surface_reflects_comes_from_the_texel_that_is_hit():
-    """Plastic, metal, both, what has no layer at all, clear glass of the same ior, and what no token lies behind."""
-    scene, (_, guides) = floor_scene(), floor_view()
-    scene.tiles[:, BASE_COLOR] = 0.6
-    guides.hit_triangle[0, 0] = -1
-    for metallic, ior, transmission, expected in ((0, 1.3291, 0, (0, 1, 0.04)), (1, 1.3291, 0, (0.6, 0, 0.04)),
-                                                  (0.5, 1.3291, 0, (0.3, 0.5, 0.04)), (0, 1.0, 0, (0, 0, 0)),
-                                                  (0, 1.5, 1, (0, 1, 0.04))):
-        scene.tiles[:, METALLIC], scene.tiles[:, IOR], scene.tiles[:, TRANSMISSION] = metallic, ior, transmission
-        reflectances = hit_reflectances(scene, guides)
-        np.testing.assert_allclose([picture[32, 32] for picture in reflectances], expected, atol=1e-3)
-        np.testing.assert_allclose([picture[0, 0] for picture in reflectances], (0, 1, 0.04), atol=1e-6)
-
-
-def test_roughness_comes_from_the_texel_that_is_hit():
-    scene, (_, guides) = floor_scene(), floor_view()
-    scene.tiles[0, 4, :, :16] = 0.25  # columns below 16: weight of corner 0 below one half
-    roughness = hit_roughness(scene, guides)
-    assert roughness[32, 32] == 0.25
-    guides.hit_barycentric[...] = (0.8, 0.1)
-    np.testing.assert_allclose(hit_roughness(scene, guides)[32, 32], 0.6, atol=1e-3)
 
 
 def test_what_leans_away_from_the_viewer_shows_no_gloss():

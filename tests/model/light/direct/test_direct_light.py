@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
+from torch.nn import functional as F
 
 from renderformer_v2.model.environment import direction_map
 from renderformer_v2.model.light.direct.direct_light import DirectLight
@@ -98,6 +99,22 @@ def test_environment_irradiance_and_mirror_reflection():
     looking = torch.tensor(directions[[48, 112, 240], [16, 240, 496]])
     seen = environment.filtered(looking, torch.zeros(3))
     np.testing.assert_allclose(seen, coarse[[48, 112, 240], [16, 240, 496]], atol=1e-3)
+
+
+@pytest.mark.parametrize(("roughness", "cosine"), [(0.3, 0.9), (0.3, 0.2), (0.6, 0.5), (0.6, 0.15), (1.0, 0.3)])
+def test_lobes_mirror_as_much_of_the_sky_as_they_reach_also_at_grazing_angles(roughness, cosine):
+    """Beside a sum over the whole map with the lobe's own density: a bright sky on the far side, a dim one here."""
+    directions, weights = torch.from_numpy(direction_map(64, 128)).reshape(-1, 3), solid_angles(64, 128).expand(64, 128)
+    radiance = 0.1 + directions[:, :1].clamp_min(0) + (directions[:, 2:] > 0.5) * torch.tensor([0.0, 1.0, 3.0])
+    n, v = torch.tensor([[0.0, 0, 1]]), torch.tensor([[-math.sqrt(1 - cosine**2), 0, cosine]])
+    half = F.normalize(directions + v, dim=1)
+    alpha2, n_l = roughness**4, directions[:, 2].clamp_min(0)
+    density = alpha2 / (half[:, 2].square() * (alpha2 - 1) + 1).square()
+    root = lambda c: (alpha2 + (1 - alpha2) * c * c).sqrt()  # noqa: E731
+    lobe = density * n_l / (n_l * root(torch.tensor(cosine)) + cosine * root(n_l)).clamp_min(1e-6) * weights.flatten()
+    expected = (lobe[:, None] * radiance).sum(0) / lobe.sum()
+    found = EnvironmentLight(radiance.view(64, 128, 3)).reflected(n, v, torch.tensor([roughness]), torch.ones(1))[0]
+    torch.testing.assert_close(found, expected, rtol=0.06, atol=0.01)
 
 
 def test_rough_surfaces_mirror_the_mean_of_what_is_around():
