@@ -5,7 +5,6 @@ Positions and normals are planes (3, h, w), which PyTorch adds up much faster th
 """
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import partial
 
 import torch
@@ -58,25 +57,26 @@ def neighbour_weights(x: Tensor, n: Tensor, tolerance: Tensor, spread: int,
     close: as of `edge_weights`. Weights are 0 beyond the sides; they are those of the edge-avoiding wavelets that
     denoise traced light (Dammertz et al. 2010).
     """
-    numbers, weights = [], []
-    for number, tent, (there, normal) in neighbours((x, n), spread):
-        numbers.append(number)
-        weights.append(tent * edge_weights(there - x, normal, n, tolerance, close, squarings))
-    return torch.stack(numbers, -1).flatten(0, 1), torch.stack(weights).flatten(1).T.contiguous()
-
-
-def neighbours(planes: tuple[Tensor, ...], spread: int) -> Iterator[tuple[Tensor, float, tuple[Tensor, ...]]]:
-    """The 5x5 points `spread` apart around each pixel: their numbers (h, w), row by row, weight, and planes (C, h, w).
-
-    Planes are 0 beyond the sides.
-    """
-    h, w = planes[0].shape[1:]
+    h, w = tolerance.shape
     reach = SIDE // 2 * spread
-    padded = F.pad(torch.cat(planes), (reach,) * 4)
-    own = torch.arange(h * w, device=padded.device).view(h, w)
+    padded, weights = F.pad(torch.cat([x, n]), (reach,) * 4), []
     for down, tall in enumerate(TENT):
         for right, wide in enumerate(TENT):
             top, left = spread * down, spread * right
-            number = (own + (top - reach) * w + left - reach).clamp(0, h * w - 1)
-            there = padded[:, top:top + h, left:left + w].split([len(plane) for plane in planes])
-            yield number, tall * wide, there
+            there, normal = padded[:, top:top + h, left:left + w].split(3)
+            weights.append(tall * wide * edge_weights(there - x, normal, n, tolerance, close, squarings))
+    number, _ = neighbour_numbers(torch.arange(h * w, device=x.device), h, w, spread)
+    return number, torch.stack(weights).flatten(1).T.contiguous()
+
+
+def neighbour_numbers(pixel: Tensor, h: int, w: int, spread: int) -> tuple[Tensor, Tensor]:
+    """Numbers (P, 25), row by row, of the 5x5 points `spread` apart around pixels (P,) of h x w, and their weights.
+
+    Weights are 0 beyond the sides, where numbers are of other pixels.
+    """
+    steps = spread * (torch.arange(SIDE, device=pixel.device) - SIDE // 2)
+    tent = torch.tensor(TENT, device=pixel.device)
+    y, x = (pixel // w)[:, None] + steps, (pixel % w)[:, None] + steps
+    tall, wide = tent * ((y >= 0) & (y < h)), tent * ((x >= 0) & (x < w))
+    number = y.clamp(0, h - 1)[:, :, None] * w + x.clamp(0, w - 1)[:, None]
+    return number.flatten(1), (tall[:, :, None] * wide[:, None]).flatten(1)

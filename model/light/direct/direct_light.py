@@ -202,7 +202,9 @@ class DirectLight:
         if (environment := self.sky_seen_by(Ray.DIFFUSE)) is not None:
             diffuse = diffuse + environment.irradiance(n) * visible.sky / math.pi
         if (environment := self.sky_seen_by(Ray.GLOSSY)) is not None:
-            glossy = glossy + environment.reflected(n, v, roughness, f0) * visible.glossy_sky
+            shown = (visible.glossy_sky > 0).any(1).nonzero()[:, 0]
+            glossy = glossy.index_add(0, shown, visible.glossy_sky[shown] * environment.reflected(
+                *(values[shown] for values in (n, v, roughness, f0))))
         if (environment := self.sky_seen_by(Ray.TRANSMISSION)) is not None:
             transmitted = environment.filtered(-v, roughness) * visible.sky_behind
         return diffuse * has_normal, glossy * has_normal * (cosine > -LEANING), transmitted * has_normal

@@ -45,6 +45,7 @@ class EnvironmentLight:
     """Built from (H, W, 3) radiance; `irradiance` and `filtered` take (P, 3) unit directions."""
 
     def __init__(self, radiance: Tensor):
+        self.is_uniform = bool((radiance == radiance[0, 0]).all())
         image = radiance.permute(2, 0, 1)[None]
         coarse = F.adaptive_avg_pool2d(image, COARSE)[0]
         directions = torch.from_numpy(direction_map(*COARSE)).to(radiance.device).reshape(-1, 3)
@@ -98,7 +99,7 @@ class EnvironmentLight:
         mirrored = 2 * (normal * outgoing).sum(-1, keepdim=True) * normal - outgoing
         radiance = self.filtered(mirrored, roughness)
         wide = (roughness > POLISHED).nonzero()[:, 0]
-        if not len(wide):
+        if self.is_uniform or not len(wide):
             return radiance
         normal, outgoing, roughness, f0 = (values[wide] for values in (normal, outgoing, roughness, f0))
         direction, weight, cosine, density = ggx_directions(normal, outgoing, roughness, TAPS,

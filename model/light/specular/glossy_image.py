@@ -7,50 +7,90 @@ around the mirrored direction, so those that a pixel's lobe reaches count for it
 """
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..edge_stopping import dot, edge_weights, neighbours, plane_tolerance
+from ..chunks import in_chunks
+from ..edge_stopping import dot, neighbour_numbers, plane_tolerance
 from ..hit_surfaces import HitSurfaces
 from ..weighted_rows import weighted_rows
+from .paths import BLURRED
 
 SPREADS = 1, 2, 4, 8, 16  # pixels between the 5x5 of each of the means that follow each other
 SMOOTH = 0.03             # roughness up to which an image stays as it is
 WIDTH = 2.0               # alpha of a lobe -> tangent at which a path counts 1/e in each of the means
+OUTSIDE = 4.0             # squares of that tangent, from which on a path counts next to nothing
+INSIDE = 0.01             # the same, up to which the paths around are one
 GRAZING = 0.1             # least cosine
 FAR = 4.0                 # network units to the sky
+CHUNK = 1 << 13           # pixels at a time
 
 
 def blurred_image(light: Tensor, end: Tensor, is_end: Tensor, surfaces: HitSurfaces) -> Tensor:
     """Means of radiance (h, W, C) from the ends (h, W, 3) of paths, where there are any (h, W, 1), over the lobes of
     `surfaces`."""
-    is_rough = surfaces.is_covered[..., 0] & (surfaces.roughness > SMOOTH)
+    h, w, channels = light.shape
+    roughness = surfaces.roughness
+    is_rough = (surfaces.is_covered[..., 0] & (roughness > SMOOTH) & (roughness < BLURRED)).flatten()
     if not is_rough.any():
         return light
-    x, n, rays, end = (picture.permute(2, 0, 1).contiguous() for picture in (
-        surfaces.position, surfaces.normal, surfaces.rays, end))
-    cosine = -dot(n, rays)
-    along = rays + 2 * cosine * n
-    distance = torch.where(is_end[..., 0], (end - x).square().sum(0).sqrt(), FAR)
-    reached = x + distance * along
-    area = ((surfaces.position - surfaces.origin).norm(dim=-1) + distance).square()[None]  # relative, of a pixel there
-    across = F.normalize(torch.linalg.cross(n, along, dim=0), dim=0)
-    width = WIDTH * surfaces.roughness.clamp_min(SMOOTH).square()
-    in_plane = torch.linalg.cross(along, across, dim=0) / width
-    across = across / (width * cosine.clamp_min(GRAZING))
-    tolerance = plane_tolerance(x, surfaces.is_covered[..., 0])
+    lobes = _Lobes.of(surfaces, end, is_end)
+    off = lobes.nearest_off(h, w)
+    light = F.pad(light.reshape(-1, channels), (0, 1), value=1.0)
     for spread in SPREADS:
-        weights, numbers = [], []
-        for number, tent, (there, normal, other, size) in neighbours((x, n, reached, area), spread):
-            toward = other - x
-            depth2 = dot(toward, along).clamp_min(1e-6).square()
-            off = dot(toward, in_plane).square() + dot(toward, across).square()
-            lobe = (-off / depth2).exp() * size[0] / depth2
-            weights.append(tent * lobe * edge_weights(there - x, normal, n, tolerance))
-            numbers.append(number)
-        number, weight = torch.stack(numbers, -1).flatten(0, 1), torch.stack(weights, -1).flatten(0, 1)
-        mean = weighted_rows(F.pad(light.flatten(0, 1), (0, 1), value=1.0), number, weight)
-        mean = mean[:, :-1] / mean[:, -1:].clamp_min(1e-6)
-        light = torch.where(is_rough[..., None], mean.view_as(light), light)
-    return light
+        rows = (is_rough & (spread ** 2 * off < OUTSIDE) & (spread ** 2 * off > INSIDE)).nonzero()[:, 0]
+        if len(rows):
+            mean = in_chunks(CHUNK, lambda row, spread=spread, light=light: weighted_rows(
+                light, *lobes.weights(row, h, w, spread)), rows)
+            light = light.index_put((rows,), mean / mean[:, -1:].clamp_min(1e-6))
+    return light[:, :channels].reshape(h, w, channels)
+
+
+@dataclass
+class _Lobes:
+    """Lobes of h W pixels, and what their paths reach."""
+
+    place: Tensor  # (7, h W): position; where the path ends as if it were straight, and the size of a pixel
+    axes: Tensor   # (12, h W): in the plane of incidence and across over the lobe's tangents, along the path; the normal
+                   # over the tolerance of the surface's plane
+
+    @classmethod
+    def of(cls, surfaces: HitSurfaces, end: Tensor, is_end: Tensor) -> _Lobes:
+        x, n, rays, end = (picture.permute(2, 0, 1).contiguous() for picture in (
+            surfaces.position, surfaces.normal, surfaces.rays, end))
+        cosine = -dot(n, rays)
+        along = rays + 2 * cosine * n
+        distance = torch.where(is_end[..., 0], (end - x).square().sum(0).sqrt(), FAR)
+        size = ((surfaces.position - surfaces.origin).norm(dim=-1) + distance).square() * surfaces.is_covered[..., 0]
+        across = F.normalize(torch.linalg.cross(n, along, dim=0), dim=0)
+        width = WIDTH * surfaces.roughness.clamp_min(SMOOTH).square()
+        in_plane = torch.linalg.cross(along, across, dim=0) / width
+        across = across / (width * cosine.clamp_min(GRAZING))
+        upward = n / plane_tolerance(x, surfaces.is_covered[..., 0])
+        return cls(torch.cat([x, x + distance * along, size[None]]).flatten(1),
+                   torch.cat([in_plane, across, along, upward]).flatten(1))
+
+    def nearest_off(self, h: int, w: int) -> Tensor:
+        """(h W,) least `_off` of the ends of paths of the next pixels."""
+        row = torch.arange(h * w, device=self.place.device)
+        steps = torch.tensor([-w, -1, 1, w], device=row.device)
+        return self._off(row, (row[:, None] + steps).clamp(0, h * w - 1))[0].amin(1)
+
+    def weights(self, row: Tensor, h: int, w: int, spread: int) -> tuple[Tensor, Tensor]:
+        """Numbers and weights (R, 25) of the pixels around those of numbers (R,)."""
+        number, tent = neighbour_numbers(row, h, w, spread)
+        off, depth2 = self._off(row, number)
+        there = self.place[:3, number] - self.place[:3, row, None]
+        off = off + dot(there, self.axes[9:, row, None]).square()
+        return number, tent * (-off).exp() * self.place[6, number] / depth2
+
+    def _off(self, row: Tensor, number: Tensor) -> tuple[Tensor, Tensor]:
+        """How far the ends of paths (R, K) are off the axes of lobes (R,), squared and over the tangents of these, and
+        their squared depth."""
+        toward = self.place[3:6, number] - self.place[:3, row, None]
+        in_plane, across, along = self.axes[:9, row, None].split(3)
+        depth2 = dot(toward, along).clamp_min(1e-6).square()
+        return (dot(toward, in_plane).square() + dot(toward, across).square()) / depth2, depth2

@@ -48,7 +48,7 @@ def test_an_edge_is_as_wide_as_the_lobe_makes_it(floor, roughness, height):
     towards, weight, *_ = ggx_directions(n, out, torch.full((48,), roughness), 512, torch.full((48, 2), 0.5))
     reached = x[:, None] + towards * (height / towards[..., 2:].clamp_min(1e-3))
     expected = ((reached[..., 0] > 0) * weight).sum(1) / weight.sum(1)
-    torch.testing.assert_close(found, expected, atol=0.06, rtol=0)
+    torch.testing.assert_close(found, expected, atol=0.07, rtol=0)
     assert expected.diff().abs().max() < 0.3
 
 
