@@ -51,11 +51,14 @@ def blurred_image(light: Tensor, end: Tensor, is_end: Tensor, surfaces: HitSurfa
 
 @dataclass
 class _Lobes:
-    """Lobes of h W pixels, and what their paths reach."""
+    """Lobes of h W pixels, and what their paths reach.
 
-    place: Tensor  # (7, h W): position; where the path ends as if it were straight, and the size of a pixel
-    axes: Tensor   # (12, h W): in the plane of incidence and across over the lobe's tangents, along the path; the normal
-                   # over the tolerance of the surface's plane
+    axes: in the plane of incidence and across, over the lobe's tangents; along the path; the normal over the tolerance
+    of the surface's plane.
+    """
+
+    place: Tensor  # (7, h W): position; where the path ends as if it were straight, and the size of a pixel there
+    axes: Tensor   # (12, h W)
 
     @classmethod
     def of(cls, surfaces: HitSurfaces, end: Tensor, is_end: Tensor) -> _Lobes:
