@@ -127,7 +127,8 @@ class _Picture:
             here = slice(0, h - y), slice(max(-x, 0), w - max(x, 0))
             there = slice(y, h), slice(max(x, 0), w - max(-x, 0))
             offset = self.position[:, *there] - self.position[:, *here]
-            weight = edge_weights(offset, self.normal[:, *there], self.normal[:, *here], self.tolerance[here])
+            weight = torch.maximum(*(edge_weights(offset, normal[:, *there], normal[:, *here], self.tolerance[here])
+                                     for normal in (self.normal, self.smooth)))  # bumps are no edges
             differs = (weight < ONE_SURFACE) | (_kink(self.smooth, y, x)[here] > KINK)
             differs &= self.covered[here] & self.covered[there]
             is_edge[here] |= differs

@@ -96,6 +96,14 @@ def test_one_surface_has_no_edges():
     edges.mix(light, 0)  # nothing to do is no error
 
 
+def test_bumps_of_a_material_have_no_edges():
+    """Light that falls on a groove is its own, not that of the flat surface around, which rays would find."""
+    scene, (view, guides) = floor_scene(), floor_view()
+    guides.normal[:, 30:32] = unit(np.float32((1, 0, 1)))
+    edges = find_edges(scene, view, guides, CPU)
+    assert not ((edges.pixel % view.width >= 20) & (edges.pixel % view.width < 42)).any()
+
+
 def test_where_the_tokens_are_not_what_is_seen_light_stays():
     scene, view, guides, light = floor_and_plate()
     before, moved = light.clone(), replace(scene, triangles=scene.triangles - np.float32((0, 0, 0.3)))
