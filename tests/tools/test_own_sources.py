@@ -69,6 +69,29 @@ def test_own_files_take_the_place_of_built_in_ones(folder, capsys):
                                                   "broken_color.png is left out"))
 
 
+def save_cube(path, faces: int) -> None:
+    """So many faces of a cube as OBJ, each with corners of its own, as glTF stores them."""
+    bpy.ops.mesh.primitive_cube_add()
+    cube = bpy.context.object.data
+    corners = [cube.vertices[i].co[:] for face in cube.polygons[:faces] for i in face.vertices]
+    lines = [f"v {x} {y} {z}" for x, y, z in corners]
+    lines += ["f {} {} {} {}".format(*range(i, i + 4)) for i in range(1, len(corners), 4)]
+    path.write_text("\n".join(lines))
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+
+
+def test_meshes_that_are_not_watertight_are_left_out_unless_asked_for(tmp_path, capsys):
+    whole, shell = tmp_path / "whole.obj", tmp_path / "shell.obj"
+    save_cube(whole, 6)
+    save_cube(shell, 5)
+    assert len(own_data.load_mesh(whole).vertices) == 8
+    assert own_data.load_mesh(shell) is None and own_data.load_mesh(shell) is None
+    said = capsys.readouterr().out
+    assert said.count(f"{shell} is left out: it is not watertight, 4 of its 12 edges") == 1 and str(whole) not in said
+    OWN_FILES.use_folders(None, tmp_path, None, 1.0, open_meshes=True)
+    assert len(own_data.load_mesh(shell).polygons) == 5
+
+
 def test_a_scene_of_own_files_alone(folder):
     for name in ("hdris/broken.hdr", "meshes/broken.obj", "textures/broken_color.png"):
         (folder / name).unlink()

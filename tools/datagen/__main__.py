@@ -116,6 +116,7 @@ def main() -> int:
         parser.add_argument(option, type=Path, metavar="DIR", help=f"your own {what}, beside those that are built in")
     parser.add_argument("--own", type=float, default=0.5, metavar="SHARE",
                         help="of what is chosen, how much is yours: 0 to 1 (default 0.5)")
+    parser.add_argument("--open-meshes", action="store_true", help="use objects that are not watertight as well")
     parser.add_argument("--processes", type=whole_number(0), default=0,
                         help="each takes every n-th seed; 0 = one per core")
     parser.add_argument("--threads", type=whole_number(0), default=0,
@@ -128,7 +129,7 @@ def main() -> int:
     if args.scenes is None or args.first_seed is None:
         parser.error("either --blend, or --scenes and --first-seed are needed")
     try:
-        OWN_FILES.use_folders(args.hdris, args.meshes, args.textures, args.own)
+        OWN_FILES.use_folders(args.hdris, args.meshes, args.textures, args.own, args.open_meshes)
     except ValueError as error:
         print(error, file=sys.stderr)
         return 2

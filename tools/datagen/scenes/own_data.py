@@ -15,6 +15,7 @@ from .own_files import OWN_FILES
 from .textures import make_panorama, mean_radiance
 
 LARGEST_MAP = 1024  # pixels
+SAME_PLACE = 1e-5   # of a mesh's size: vertices closer than this are one
 OWN = "own"         # property of images that are removed with their scene
 KINDS = ("objects", "meshes", "materials", "images", "armatures", "actions", "cameras", "lights", "textures",
          "node_groups", "curves", "collections", "worlds")
@@ -63,7 +64,11 @@ def resize(pixels: np.ndarray, height: int, width: int) -> np.ndarray:
 
 
 def load_mesh(path: Path) -> bpy.types.Mesh | None:
-    """All surfaces of a file as one mesh, with nothing else of the file left; None when there are none."""
+    """All surfaces of a file as one mesh, with nothing else of the file left.
+
+    Files store a vertex again for each normal and UV, so vertices in the same place are merged. None when there are no
+    surfaces, or when they are not watertight (an edge does not have two faces) and have to be.
+    """
     before, joined = {kind: set(getattr(bpy.data, kind)) for kind in KINDS}, bmesh.new()
     try:
         IMPORTERS.get(path.suffix.lower(), lambda path: bpy.ops.wm.usd_import(filepath=path))(str(path))
@@ -80,6 +85,11 @@ def load_mesh(path: Path) -> bpy.types.Mesh | None:
     points = np.array([vertex.co for vertex in joined.verts])
     if not joined.faces or not np.isfinite(points).all() or not np.ptp(points):
         return OWN_FILES.leave_out(path, "it has no surfaces")
+    bmesh.ops.remove_doubles(joined, verts=joined.verts, dist=SAME_PLACE * np.ptp(points, axis=0).max())
+    open_edges = sum(not edge.is_manifold for edge in joined.edges)
+    if open_edges and not OWN_FILES.open_meshes:
+        return OWN_FILES.leave_out(path, f"it is not watertight, {open_edges} of its {len(joined.edges)} edges do not "
+                                         "have two faces: close it, or add --open-meshes")
     for face in joined.faces:
         face.material_index = 0
     result = bpy.data.meshes.new(path.stem)

@@ -30,16 +30,18 @@ class OwnFiles:
     meshes: tuple[Path, ...] = ()
     textures: tuple[dict[str, Path], ...] = ()  # files by the keys of MAPS, always with "base"
     share: float = 0.5                          # of all choices, the rest is built in
+    open_meshes: bool = False                   # whether meshes need not be watertight, as the paper's are
     unusable: set[Path] = field(default_factory=set)
 
-    def use_folders(self, panoramas: Path | None, meshes: Path | None, textures: Path | None, share: float) -> None:
+    def use_folders(self, panoramas: Path | None, meshes: Path | None, textures: Path | None, share: float,
+                    open_meshes: bool = False) -> None:
         """Raises ValueError naming an option of no use, or a folder that holds nothing of its kind."""
         if not 0 <= share <= 1:
             raise ValueError(f"--own {share:g}: expected a number from 0 to 1")
         self.panoramas = tuple(_list_files(panoramas, "--hdris", PANORAMAS))
         self.meshes = tuple(_list_files(meshes, "--meshes", MESHES))
         self.textures = tuple(group_maps(_list_files(textures, "--textures", PICTURES)))
-        self.share = share
+        self.share, self.open_meshes = share, open_meshes
         if textures and not self.textures:
             names = ", ".join(MAPS["base"])
             raise ValueError(f"--textures {textures} holds no base colours: their names end in {names}")
