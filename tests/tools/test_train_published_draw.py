@@ -9,21 +9,24 @@ import numpy as np
 import pytest
 import torch
 
-from renderformer_v2.model.fields import map_arrays
+from renderformer_v2.model.environment import direction_map
+from renderformer_v2.model.fields import COLOR, PANORAMA, map_arrays
+from renderformer_v2.model.geometry import rotation_matrix
 from renderformer_v2.model.published.pipeline import PublishedPipeline
 from tests.model.published.bundles import tiny_published_config, write_bundle
 from tests.tools.test_finetune import options
 from tests.tools.test_train_ranks import write
 from tools.datagen.sample_files import load_sample, save_sample
 from tools.train import published, published_samples
-from tools.train.augment import for_numpy, symmetry, turn_about_z
+from tools.train.augment import for_numpy, recolored, resampled, rotation, turned
 from tools.train.config import Stage, TrainConfig
 from tools.train.errors import TrainingError
-from tools.train.published_draw import cropped, moved, with_views
-from tools.train.published_samples import build_sample
+from tools.train.published_draw import Drawn, cropped, moved, with_views
+from tools.train.published_samples import Encoded, build_copy, build_sample
 from tools.train.sample_cache import _flatten
 
-QUARTER, ORDER = 0.25, torch.tensor([2, 0, 1])
+TURN = torch.tensor([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # a third of a turn: boxes stay aligned with the axes
+ORDER = torch.tensor([2, 0, 1])
 CPU = torch.device("cpu")
 
 
@@ -53,28 +56,70 @@ def test_a_copy_is_the_sample_of_a_turned_and_recoloured_world(tmp_path, monkeyp
     save_sample(path, scene, views, guides, passes)
     scene, views, guides, passes = load_sample(path)
 
-    turn = turn_about_z(np.pi / 2)
-    cameras = [turn(torch.from_numpy(view.camera_to_world[:3].T.copy())).T.numpy() for view in views]
-    turned = [replace(view, camera_to_world=np.vstack([camera, [0, 0, 0, 1]]).astype(np.float32))
-              for view, camera in zip(views, cameras)]
+    cameras = [TURN.numpy() @ view.camera_to_world[:3] for view in views]
+    seen = [replace(view, camera_to_world=np.vstack([camera, [0, 0, 0, 1]]).astype(np.float32))
+            for view, camera in zip(views, cameras)]
     channels = [*ORDER.tolist(), 3]
     swapped = [{name: image[..., channels[:image.shape[-1]]] for name, image in found.items()} for found in passes]
+    changes = turned(TURN) | {COLOR: recolored(ORDER), PANORAMA: resampled(TURN)}
     world = tmp_path / "scene_9.npz"
-    save_sample(world, map_arrays(scene, for_numpy(symmetry(QUARTER, ORDER))), turned, guides, swapped)
+    save_sample(world, map_arrays(scene, for_numpy(changes)), seen, guides, swapped)
 
-    monkeypatch.setattr(published_samples, "symmetry_of", lambda path, copy, recolors: (QUARTER, ORDER))
-    assert_same(build_sample(path, pipeline, 1), build_sample(world, pipeline))
+    monkeypatch.setattr(published_samples, "symmetry_of", lambda path, copy, recolors: (TURN, ORDER))
+    sample = build_sample(path, pipeline)
+    assert_same(build_copy(path, pipeline, 1).of(sample), build_sample(world, pipeline))
     with pytest.raises(AssertionError):
-        assert_same(build_sample(path, pipeline, 0), build_sample(world, pipeline))
+        assert_same(sample, build_sample(world, pipeline))
 
 
 def test_copies_differ_but_not_from_run_to_run(tmp_path):
     path = tmp_path / "scene_1.npz"
     drawn = [published_samples.symmetry_of(path, copy, True) for copy in range(1, 9)]
     again = [published_samples.symmetry_of(path, copy, True) for copy in range(1, 9)]
-    assert [turns for turns, _ in drawn] == [turns for turns, _ in again]
-    assert len({turns for turns, _ in drawn}) == 8 and len({tuple(order.tolist()) for _, order in drawn}) > 2
+    assert all(torch.equal(turn, other) for (turn, _), (other, _) in zip(drawn, again))
+    assert len({tuple(turn.flatten().tolist()) for turn, _ in drawn}) == 8
+    assert len({tuple(order.tolist()) for _, order in drawn}) > 2
+    assert min(turn[2, 2] for turn, _ in drawn) < 0.9, "not only about Z"
     assert published_samples.symmetry_of(path, 3, False)[1].tolist() == [0, 1, 2]
+
+
+def test_a_panorama_turns_with_the_world():
+    """What shone from a direction shines from the turned one."""
+    turn, directions = rotation(torch.tensor([0.4, -1.1, 0.7])), torch.from_numpy(direction_map(256, 512))
+    assert torch.allclose(turn @ turn.T, torch.eye(3), atol=1e-6) and torch.det(turn) == pytest.approx(1)
+    axis = torch.tensor([0.4, -1.1, 0.7])
+    torch.testing.assert_close(turn @ axis, axis)
+    after = resampled(turn)(directions.movedim(-1, -2)).movedim(-1, -2)  # a map that shows where it is seen
+    inside = directions[..., 0] > -0.99  # of the seam, where interpolation is clamped
+    error = (after @ turn.T - directions).norm(dim=-1)
+    assert error.median() < 1e-3 and error[inside].quantile(0.99) < 0.02
+
+
+@pytest.mark.parametrize("seed, turns", [(2, False), (3, True)])
+def test_scenes_without_an_environment_turn_as_a_whole_at_every_step(tmp_path, pipeline, seed, turns):
+    write(tmp_path, seed)
+    path, generator = tmp_path / f"scene_{seed:08d}.npz", torch.Generator().manual_seed(0)
+    encoded = Encoded(tmp_path / "cache", pipeline, copies=2)
+    encoded.prepare(tmp_path, pipeline)
+    seen = [Drawn(encoded, Stage(1), 64, 0.0)(path, generator) for _ in range(6)]
+    places = {tuple(sample.inputs.triangles[0, 0].tolist()) for sample in seen}
+    assert len(places) == (6 if turns else 2)
+
+    def relations(sample):
+        """Numbers that no rotation changes: of normals, corners and cells with the rays of the camera."""
+        inputs, (origin, directions) = sample.inputs, (sample.rays.origin[0], sample.rays.directions[0, ::16, ::16])
+        corners, cells = inputs.triangles - origin, inputs.volumes
+        yield torch.einsum("nci,hwi->nchw", inputs.normals, directions)
+        yield torch.einsum("nci,hwi->nchw", corners, directions)
+        yield torch.einsum("nci,nci->nc", corners, inputs.normals)
+        if cells is not None:
+            axes = torch.tensor(np.array([rotation_matrix(euler) for euler in cells.rotation.numpy()]))
+            yield torch.einsum("mij,hwi->mhwj", axes.float(), directions)
+            yield torch.einsum("mi,hwi->mhw", cells.position - origin, directions)
+
+    for sample in seen[1:]:
+        for found, expected in zip(relations(sample), relations(seen[0]), strict=True):
+            torch.testing.assert_close(found, expected, rtol=0, atol=4e-3)  # half precision in the cache
 
 
 def test_a_crop_has_the_rays_of_the_whole_camera(tmp_path, pipeline):

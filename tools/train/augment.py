@@ -2,9 +2,9 @@
 """Symmetries of light transport: the picture does not change when the world turns, grows or its colours are swapped,
 and becomes its mirror image when the world does.
 
-The paper turns and moves every sample at random and swaps the environment's channels; here the world turns about Z (the
-panorama is shifted, not resampled), is mirrored and resized, and the channels of everything that has a colour are
-swapped together.
+The authors turn every sample about any axis, move it, and swap the environment's channels; so do published samples here
+(published_samples.py), but the channels of everything that has a colour are swapped together. Other samples turn about
+Z (the panorama is shifted, not resampled) and are mirrored and resized.
 """
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from renderformer_v2.model.environment import direction_map, sample_panorama
 from renderformer_v2.model.fields import (
     COLOR,
     DIRECTION,
@@ -27,7 +28,7 @@ from renderformer_v2.model.fields import (
     map_channels,
     map_layouts,
 )
-from renderformer_v2.model.geometry import contracted, uncontracted
+from renderformer_v2.model.geometry import contracted, euler_angles, rotation_matrix, uncontracted
 from renderformer_v2.model.guided.features import OFFSET_SCALE, SURFACE
 from renderformer_v2.model.light.direct.emitter_light import EMITTER
 from renderformer_v2.model.scene import TILE
@@ -111,30 +112,41 @@ def turned_and_swapped(sample: TrainingSample, shift: int, order: Tensor) -> Tra
 
 def symmetry(turns: float, order: Tensor) -> dict[Behaviour, Callable[[Tensor], Tensor]]:
     """Changes for `map_arrays`: turns about Z, by whole columns of panoramas, and the order of colour channels."""
-    angle = 2 * math.pi * turns
-    turn = turn_about_z(angle)
-
-    def add_turn(euler: Tensor) -> Tensor:
-        """Rz(angle) Rz(z) Ry(y) Rx(x): turning about Z only adds to the last angle."""
-        z = euler[..., 2] + angle
-        return torch.cat([euler[..., :2], torch.atan2(z.sin(), z.cos())[..., None]], -1)
-
     # Column c of a panorama looks along phi = pi - 2 pi c / columns: a turn by +angle moves it to the left.
-    return {POINT: turn, DIRECTION: turn, EULER: add_turn, COLOR: recolored(order),
-            PANORAMA: lambda x: x.roll(-round(turns * x.shape[-1]), -1)}
+    return turned(rotation(torch.tensor([0, 0, 2 * math.pi * turns]))) | {
+        COLOR: recolored(order), PANORAMA: lambda x: x.roll(-round(turns * x.shape[-1]), -1)}
+
+
+def rotation(vector: Tensor) -> Tensor:
+    """(3, 3) f32 about the axis (3,) f32, by as many radians as it is long."""
+    return torch.linalg.matrix_exp(torch.linalg.cross(vector.double().expand(3, 3), torch.eye(3).double()).T).float()
+
+
+def turned(turn: Tensor) -> dict[Behaviour, Callable[[Tensor], Tensor]]:
+    """Changes for `map_arrays`: the rotation (3, 3) f32 of all but panoramas."""
+    def turn_euler(euler: Tensor) -> Tensor:
+        distinct, index = np.unique(euler.numpy(), axis=0, return_inverse=True)  # the cells of a box share theirs
+        angles = [euler_angles(turn.double().numpy() @ rotation_matrix(row)) for row in distinct]
+        return torch.tensor(np.array(angles), dtype=euler.dtype)[torch.from_numpy(index.reshape(-1))]
+
+    return {POINT: lambda x: x @ turn.T, DIRECTION: lambda x: x @ turn.T, EULER: turn_euler}
+
+
+def resampled(turn: Tensor) -> Callable[[Tensor], Tensor]:
+    """A function of panoramas (..., rows, 3, columns) f32 that turns them by the rotation (3, 3) f32."""
+    def resample(x: Tensor) -> Tensor:
+        directions = torch.from_numpy(direction_map(x.shape[-3], x.shape[-1])) @ turn
+        maps = x.movedim(-1, -2).reshape(-1, *directions.shape).numpy()
+        turned_maps = np.stack([sample_panorama(one, directions) for one in maps])
+        return torch.from_numpy(turned_maps).movedim(-1, -2).reshape(x.shape)
+
+    return resample
 
 
 def for_numpy(changes: dict[Behaviour, Callable[[Tensor], Tensor]]) -> dict[Behaviour, Callable]:
     """The same changes of numpy arrays."""
     return {behaviour: lambda x, change=change: change(torch.from_numpy(np.ascontiguousarray(x))).numpy()
             for behaviour, change in changes.items()}
-
-
-def turn_about_z(angle: float) -> Callable[[Tensor], Tensor]:
-    """A function of (..., 3) vectors."""
-    c, s = math.cos(angle), math.sin(angle)
-    matrix = torch.tensor([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    return lambda x: x @ matrix.T
 
 
 def recolored(order: Tensor) -> Callable[[Tensor], Tensor]:

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a step of training sees of a published sample: some of its views, crops of them, somewhere else in the world."""
+"""What a step of training sees of a published sample: some of its views, crops of them, somewhere else in the world.
+
+Scenes without an environment are turned about any axis at every step, others once for each of their copies.
+"""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -11,6 +14,7 @@ from torch import Tensor
 from renderformer_v2.model.fields import POINT, map_arrays
 from renderformer_v2.model.network.inputs import ViewInputs
 
+from .augment import rotation, turned
 from .config import Stage
 from .published_samples import Encoded, PublishedSample
 
@@ -31,6 +35,8 @@ class Drawn:
         sample = with_views(sample, chosen)
         if self.stage.crop:
             sample = cropped(sample, self.stage.crop, self.side, generator)
+        if self.encoded.copies > 1 and not sample.inputs.environment.strength.any():
+            sample = map_arrays(sample, turned(rotation(torch.randn(3, generator=generator))))
         return moved(sample, self.offset * torch.randn(3, generator=generator))
 
 

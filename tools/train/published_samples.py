@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from renderformer_v2.model.camera import find_window
-from renderformer_v2.model.fields import COLOR, array, map_arrays
+from renderformer_v2.model.fields import COLOR, PANORAMA, array, map_arrays
 from renderformer_v2.model.network.inputs import (
     EnvironmentInputs,
     NetworkInputs,
@@ -25,12 +25,12 @@ from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.published.as_trained import as_trained, find_emitters
 from renderformer_v2.model.published.pipeline import PublishedPipeline, displayed_pixels
 from renderformer_v2.model.renderer import padded
-from renderformer_v2.model.scene import ENVIRONMENT_SHAPE, Guides, View
+from renderformer_v2.model.scene import Guides, RenderScene, View
 from renderformer_v2.model.tensor_group import stacked
 from tools.datagen.sample_files import load_sample, sample_paths
 
 from . import ranks, sample_cache
-from .augment import for_numpy, symmetry
+from .augment import for_numpy, recolored, resampled, rotation, turned
 from .errors import SampleError, TrainingError
 from .samples import seed_of, unreadable
 
@@ -47,8 +47,23 @@ class PublishedSample(TensorGroup):
     shown: torch.Tensor = array("V", 1, "H", "W")                      # bool, what is compared
 
 
+@dataclass
+class Copy(TensorGroup):
+    """The scene of a sample turned and recoloured, encoded anew; its views and pictures are the sample's."""
+
+    inputs: NetworkInputs
+    turn: torch.Tensor = array(3, 3)  # float32, rotation about the centre of the world
+    order: torch.Tensor = array(3)    # int64, of the colour channels
+
+    def of(self, sample: PublishedSample) -> PublishedSample:
+        """The sample in this world."""
+        changes = turned(self.turn) | {COLOR: recolored(self.order)}
+        return replace(map_arrays(replace(sample, inputs=None), changes), inputs=self.inputs)
+
+
 KINDS = {"": PublishedSample, "inputs": NetworkInputs, "rays": ViewInputs, "environment": EnvironmentInputs,
          "volumes": VolumeInputs}
+COPY_KINDS = KINDS | {"": Copy}
 
 
 def picture_size(folder: Path) -> int:
@@ -64,7 +79,10 @@ def picture_size(folder: Path) -> int:
 
 
 class Encoded:
-    """Samples whose latents a pipeline's encoder has made, kept in `cache`, so many `copies` of each."""
+    """Samples whose latents a pipeline's encoder has made, kept in `cache`, so many `copies` of each.
+
+    The first is the sample itself. The others store their scene alone, so that large pictures are there once.
+    """
 
     def __init__(self, cache: Path, pipeline: PublishedPipeline, copies: int = 1):
         self.cache, self.by, self.copies = cache, pipeline.encoder.images.identity.hex(), copies
@@ -75,8 +93,9 @@ class Encoded:
         for path in sample_paths(folder)[ranks.rank()::ranks.count()]:
             try:
                 for copy in range(self.copies):
+                    make = partial(build_copy, copy=copy) if copy else build_sample
                     sample_cache.make_if_missing(self._stored_path(path, copy), self._key(path),
-                                                 partial(build_sample, path, pipeline, copy))
+                                                 partial(make, path, pipeline))
             except DAMAGED as error:
                 print(f"{unreadable(path, error)} (left out)", flush=True)
                 continue
@@ -88,8 +107,11 @@ class Encoded:
         def missing():
             raise SampleError(f"{path} is not prepared: it is newer than this run, or cannot be read")
 
-        copy = int(torch.randint(self.copies, (), generator=generator))
-        return sample_cache.load_or_make(self._stored_path(path, copy), self._key(path), missing, KINDS)
+        def load(copy: int, kinds: dict[str, type]):
+            return sample_cache.load_or_make(self._stored_path(path, copy), self._key(path), missing, kinds)
+
+        copy, sample = int(torch.randint(self.copies, (), generator=generator)), load(0, KINDS)
+        return load(copy, COPY_KINDS).of(sample) if copy else sample
 
     def _stored_path(self, path: Path, copy: int) -> Path:
         return sample_cache.cache_path(path, self.cache, f"-{copy}" if copy else "")
@@ -98,19 +120,12 @@ class Encoded:
         return f"{sample_cache.sample_key(path, sample_cache.PUBLISHED)}-{self.by}"
 
 
-def build_sample(path: Path, pipeline: PublishedPipeline, copy: int = 0) -> PublishedSample:
-    """From one file of tools.datagen, with the encoder that rendering uses.
-
-    Copy 0 is the scene as it is, any other one is turned and recoloured, always in the same way.
-    """
+def build_sample(path: Path, pipeline: PublishedPipeline) -> PublishedSample:
+    """From one file of tools.datagen, with the encoder that rendering uses."""
     scene, views, guides, passes = load_sample(path)
     normalization = Normalization.of(scene)
     normalized = normalization.scene(scene)
     emits = find_emitters(normalized)
-    changes = symmetry(*symmetry_of(path, copy, recolors=scene.latents is None)) if copy else {}
-    with torch.no_grad():
-        inputs = pipeline.encoder.inputs(pipeline.encoder.process(
-            as_trained(map_arrays(normalized, for_numpy(changes)), emits)))
     rays, pictures, masks = [], [], []
     for view, guide, reference in zip(views, guides, passes, strict=True):
         surface = (reference["combined"][..., :3] - reference["emission"]).clip(0) * np.float32(normalization.exposure)
@@ -119,14 +134,33 @@ def build_sample(path: Path, pipeline: PublishedPipeline, copy: int = 0) -> Publ
         pictures.append(picture)
         masks.append(mask)
     image, shown = torch.from_numpy(np.stack(pictures)).movedim(-1, 1).contiguous(), torch.from_numpy(np.stack(masks))
-    return replace(map_arrays(PublishedSample(None, stacked(rays), image, shown[:, None]), changes), inputs=inputs)
+    return PublishedSample(encode(as_trained(normalized, emits), pipeline), stacked(rays), image, shown[:, None])
 
 
-def symmetry_of(path: Path, copy: int, recolors: bool) -> tuple[float, torch.Tensor]:
-    """Turns about Z and order of the colour channels; the appearance of some materials is known in one order alone."""
+def build_copy(path: Path, pipeline: PublishedPipeline, copy: int) -> Copy:
+    """Of one file, always the same one for the same number."""
+    scene, *_ = load_sample(path)
+    normalized = Normalization.of(scene).scene(scene)
+    emits = find_emitters(normalized)
+    turn, order = symmetry_of(path, copy, recolors=scene.latents is None)
+    changes = turned(turn) | {COLOR: recolored(order), PANORAMA: resampled(turn)}
+    return Copy(encode(as_trained(map_arrays(normalized, for_numpy(changes)), emits), pipeline), turn, order)
+
+
+def encode(scene: RenderScene, pipeline: PublishedPipeline) -> NetworkInputs:
+    """Of a scene as it was trained."""
+    with torch.no_grad():
+        return pipeline.encoder.inputs(pipeline.encoder.process(scene))
+
+
+def symmetry_of(path: Path, copy: int, recolors: bool) -> tuple[torch.Tensor, torch.Tensor]:
+    """A rotation (3, 3) about any axis (docs/scene-input.md 1.1), and an order of the colour channels.
+
+    recolors: False where the appearance of some materials is known in one order alone.
+    """
     draw = seed_of(path, copy)
-    columns = ENVIRONMENT_SHAPE[1]
-    return int(draw.integers(columns)) / columns, torch.from_numpy(draw.permutation(3) if recolors else np.arange(3))
+    turn = rotation(torch.from_numpy(draw.normal(size=3)))
+    return turn, torch.from_numpy(draw.permutation(3) if recolors else np.arange(3))
 
 
 def compared(view: View, guides: Guides, picture: np.ndarray, emitters: np.ndarray,

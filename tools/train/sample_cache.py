@@ -25,7 +25,7 @@ PUBLISHED = ("model/*.py", "model/material/*.py", "model/network/inputs.py", "mo
              "tools/train/sample_cache.py")
 
 # Not for half precision.
-EXACT = "triangles", "texture_index", "origin", "position", "positions", "light", "exposure"
+EXACT = "triangles", "texture_index", "origin", "position", "positions", "light", "exposure", "turn"
 
 
 def load_or_make(file: Path, key: str, make: Callable[[], object], kinds: dict[str, type]):
