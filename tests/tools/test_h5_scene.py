@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import OpenEXR
 import pytest
+from skimage.io import imread
 
 from renderformer_v2.model.camera import square_view
 from renderformer_v2.model.published.h5 import read_h5, write_h5
@@ -16,6 +17,7 @@ from renderformer_v2.model.published.pipeline import PublishedPipeline
 from tests.model.published.bundles import tiny_published_config, write_bundle
 from tests.model.samples import floor_scene, floor_view
 from tools.benchmark import ring
+from tools.common.tone_mapping import tone_mapped
 from tools.extension import ROOT
 from tools.render import __main__ as render
 
@@ -40,6 +42,11 @@ def test_every_camera_of_an_h5_scene_becomes_a_picture(tmp_path, monkeypatch, ca
             pictures.append(file.channels()["RGB"].pixels)
     assert pictures[0].shape == (72, 72, 3) and np.isfinite(pictures).all()
     assert not np.array_equal(*pictures)
+
+    assert run(monkeypatch, tmp_path / "scene.h5", "-o", tmp_path / "out.png", "--weights", bundle,
+               "--resolution", "72x72", "--tone-mapper", "agx") == 0
+    shown = imread(tmp_path / "out_001.png").astype(int)
+    assert np.abs(shown - tone_mapped(pictures[1], "agx")).max() <= 1
 
 
 def test_a_blend_file_becomes_an_h5_scene_with_its_camera(tmp_path):

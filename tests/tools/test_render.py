@@ -5,13 +5,16 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from skimage.io import imread
 
 from renderformer_v2.model.published.h5 import read_h5
 from tests.model.published.bundles import tiny_published_config, write_bundle
 from tools.benchmark import ring
 from tools.common.metrics import compare
 from tools.common.pictures import read_pass
+from tools.common.tone_mapping import tone_mapped
 from tools.extension import ROOT
 from tools.render import __main__ as render
 from tools.render.comparison import LEAST_WIDTH
@@ -154,6 +157,18 @@ def test_several_view_layers_are_summed_and_told_apart(scene, save, tmp_path):
     assert (first["layer"], second["layer"]) == ("First", "Second") and first["triangles"] >= ring.LEAST - 2
     assert found["triangles"] == first["triangles"] + second["triangles"] and found["weights"] == first["weights"]
     assert found["seconds"]["Network"] == pytest.approx(first["seconds"]["Network"] + second["seconds"]["Network"])
+
+
+@pytest.mark.parametrize("mapper", ["agx", "none"])
+def test_a_tone_mapper_is_that_of_h5_scenes(scene, save, tmp_path, mapper):
+    """Of a .blend file, such as an imported frame: the PNG is the EXR as that function shows it."""
+    scene.render.dither_intensity = 0
+    done = run(save(), "-o", tmp_path / "out.exr", "-o", tmp_path / "out.png", "--engine", "cycles", "--samples", 1,
+               "--resolution", "8x8", "--tone-mapper", mapper)
+    assert done.returncode == 0, done.stderr
+    shown = imread(tmp_path / "out.png")[..., :3].astype(int)
+    expected = tone_mapped(read_pass(tmp_path / "out.exr", "Combined", "RGB"), mapper)
+    assert np.abs(shown - expected).max() <= 1 and shown.std() > 1
 
 
 def test_one_view_layer_is_told_without_its_name(scene, save, tmp_path):

@@ -8,6 +8,7 @@ from pathlib import Path
 from renderformer_v2.model.weights.presets import BUNDLED
 
 from .pictures import write_atomically
+from .tone_mapping import VIEWS
 
 FORMATS = {".exr": "OPEN_EXR_MULTILAYER", ".png": "PNG"}
 LIGHTS = "TRACED", "NETWORK", "TRANSFORMER"  # of Light in Render Properties
@@ -28,12 +29,14 @@ def open_scene(path: Path):
 def configure(scene, engine: str, *, samples: int | None = None, resolution: tuple[int, int] | None = None,
               weights: str | None = None, threads: int | None = None, light: str | None = None,
               with_reference: bool = False, reference_samples: int | None = None, unclamped: bool = False,
-              device: str | None = None, precision: str | None = None, triangles: int | None = None) -> None:
+              device: str | None = None, precision: str | None = None, triangles: int | None = None,
+              tone_mapper: str | None = None) -> None:
     """Choose one of ENGINES and its settings; what is None stays as it is in the file.
 
     samples: of every pixel, by our engine or by Cycles. weights: BUNDLED, or a folder. light: one of
     LIGHTS. with_reference: beside Cycles, with `reference_samples`. unclamped: Cycles keeps light that has bounced
-    as it is. device, precision: as model/renderer.py takes them, of the network. triangles: at most.
+    as it is. device, precision: as model/renderer.py takes them, of the network. triangles: at most. tone_mapper: one
+    of TONE_MAPPERS, for PNG files.
     """
     scene.render.engine = ENGINES[engine]
     if samples:
@@ -64,6 +67,8 @@ def configure(scene, engine: str, *, samples: int | None = None, resolution: tup
         scene.renderformer_v2.precision = precision
     if light:
         scene.renderformer_v2.light = light
+    if tone_mapper:
+        scene.view_settings.view_transform = VIEWS[tone_mapper]
 
 
 def save_picture(path: Path, scene) -> None:

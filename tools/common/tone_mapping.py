@@ -13,8 +13,9 @@ from renderformer_v2.model.pictures import linear_to_srgb
 from .pictures import to_bytes
 
 STANDARD, NONE = "standard", "none"  # the sRGB curve; nothing but clipping
-TRANSFORMS = {"agx": "AgX", "filmic": "Filmic", "pbr_neutral": "Khronos PBR Neutral"}  # Blender's, by our names
-TONE_MAPPERS = (STANDARD, NONE, *TRANSFORMS)
+VIEWS = {STANDARD: "Standard", NONE: "Raw", "agx": "AgX", "filmic": "Filmic",
+         "pbr_neutral": "Khronos PBR Neutral"}  # Blender's, by our names
+TONE_MAPPERS = tuple(VIEWS)
 
 
 def tone_mapped(radiance: np.ndarray, mapper: str = STANDARD) -> np.ndarray:
@@ -23,7 +24,7 @@ def tone_mapped(radiance: np.ndarray, mapper: str = STANDARD) -> np.ndarray:
         return to_bytes(linear_to_srgb(radiance))
     if mapper == NONE:
         return (np.clip(radiance, 0, 1) * 255).astype(np.uint8)
-    return _blender_transform(radiance, TRANSFORMS[mapper])
+    return _blender_transform(radiance, VIEWS[mapper])
 
 
 def _blender_transform(radiance: np.ndarray, name: str) -> np.ndarray:

@@ -2,6 +2,7 @@
 """The authors' scenes: ours beside Cycles, with the distances that the paper reports.
 
     python -m tools.paper scenes FRAME|FOLDER|SCENE.json ... -o DIR [--weights DIR] [--samples N] [--resolution N]
+        [--tone-mapper M]
 
 A FRAME is a prepared frame (a folder with scene_config.json); a FOLDER holds scenes as the authors' repository does
 (NAME/frame/scene_config.json); SCENE.json is a scene of version 1. DIR gets a .blend file of each, both pictures, and
@@ -21,7 +22,7 @@ from tools.common.markdown import write_table
 from tools.common.metrics import compare
 from tools.common.pictures import read_pass
 from tools.common.render_process import run_render, run_render_cached
-from tools.common.tone_mapping import STANDARD
+from tools.common.tone_mapping import STANDARD, TONE_MAPPERS
 from tools.evaluate.scores import perceptual
 from tools.extension import ROOT
 from tools.h5.pictures import save_picture
@@ -52,6 +53,7 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--weights", default=BUNDLED)
     parser.add_argument("--samples", type=whole_number(1), default=512, help="of Cycles (the paper: 4096)")
     parser.add_argument("--resolution", type=whole_number(1), help="pixels (default: the authors')")
+    parser.add_argument("--tone-mapper", choices=TONE_MAPPERS, help="of the PNG files (default: the authors')")
     options = parser.parse_args(arguments)
     options.output.mkdir(parents=True, exist_ok=True)
     table, text = {}, ""
@@ -83,6 +85,7 @@ def list_scenes(paths: list[Path]) -> dict[str, Path]:
 def measure(name: str, source: Path, options: argparse.Namespace) -> dict:
     """Import one scene, render it twice, and compare; what is there already is used."""
     size, mapper, _ = AUTHORS.get(name, OTHER)
+    mapper = options.tone_mapper or mapper
     size, blend = options.resolution or size, options.output / f"{name}.blend"
     if not blend.exists():
         command = [sys.executable, "-m", "tools.import_scene", source.absolute(), "-o", blend.absolute(),

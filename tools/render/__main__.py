@@ -3,6 +3,7 @@
 
     python -m tools.render SCENE.blend -o OUT.exr [--engine cycles] [--samples N] [--resolution WxH]
                            [--weights rf2_small|DIR] [--device D] [--precision P] [--threads N] [--verbose]
+                           [--tone-mapper M]
                            [--beside-cycles [--reference-samples N] [--sheet OUT.png]]
     python -m tools.render SCENE.blend --export-h5 SCENE.h5 --weights DIR
     python -m tools.render SCENE.h5 -o OUT.exr --weights DIR [--resolution RxR]
@@ -38,6 +39,7 @@ from tools.common.console import (
 )
 from tools.common.pictures import check_output
 from tools.common.scene_file import ENGINES, FORMATS, LIGHTS, configure, open_scene, save_picture
+from tools.common.tone_mapping import STANDARD, TONE_MAPPERS
 
 H5 = (".h5", ".hdf5")
 
@@ -75,6 +77,8 @@ def _parse_arguments() -> argparse.Namespace:
     parser.add_argument("--device", type=device_name, help="auto, cpu, cuda, cuda:1 or mps (default: the file's)")
     parser.add_argument("--precision", choices=CHOICES, help="of the network (default: the file's)")
     parser.add_argument("--threads", type=count, help="processor threads (default: the file's)")
+    parser.add_argument("--tone-mapper", choices=TONE_MAPPERS,
+                        help=f"of PNG files (default: the file's; of an H5 scene: {STANDARD})")
     parser.add_argument("--beside-cycles", action="store_true", help="a Cycles reference of the same scene, compared")
     parser.add_argument("--reference-samples", type=count, help="of that reference (default: the file's)")
     parser.add_argument("--sheet", type=file_with(".png"), help="picture of that comparison")
@@ -111,14 +115,15 @@ def _run(arguments: argparse.Namespace) -> dict:
         from . import h5_scene
         with threads.team(arguments.threads or 0):
             return h5_scene.render(arguments.scene, arguments.weights, arguments.output, arguments.resolution,
-                                   arguments.device or "auto", arguments.precision or "auto")
+                                   arguments.device or "auto", arguments.precision or "auto",
+                                   arguments.tone_mapper or STANDARD)
     extension.load().register()
     scene = open_scene(arguments.scene)
     configure(scene, arguments.engine, samples=arguments.samples, resolution=arguments.resolution,
               weights=arguments.weights, threads=arguments.threads, with_reference=arguments.beside_cycles,
               reference_samples=arguments.reference_samples, light=arguments.light,
               unclamped=arguments.unclamped, device=arguments.device, precision=arguments.precision,
-              triangles=arguments.triangles)
+              triangles=arguments.triangles, tone_mapper=arguments.tone_mapper)
     if arguments.export_h5:
         from . import h5_scene
         return h5_scene.export(scene, arguments.weights, arguments.export_h5)

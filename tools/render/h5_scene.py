@@ -7,12 +7,13 @@ from pathlib import Path
 
 from renderformer_v2.model.errors import CheckpointError, SceneError
 from renderformer_v2.model.weights.presets import BUNDLED
+from tools.common.tone_mapping import STANDARD
 from tools.h5.pictures import save_picture
 
 
 def render(path: Path, weights: str | None, outputs: list[Path], resolution: tuple[int, int] | None,
-           device: str = "auto", precision: str = "auto") -> dict:
-    """Every view of the file as linear EXR or sRGB PNG in folders that exist; statistics as `tools.render` prints.
+           device: str = "auto", precision: str = "auto", tone_mapper: str = STANDARD) -> dict:
+    """Every view of the file as linear EXR or tone mapped PNG in folders that exist; what `tools.render` prints.
 
     Raises SceneError for the scene, CheckpointError for the weights or a picture that is not finite, ValueError for a
     resolution that is not square, OSError as the disk does.
@@ -33,7 +34,7 @@ def render(path: Path, weights: str | None, outputs: list[Path], resolution: tup
     seconds = time.perf_counter() - begin
     paths = [_number(output, i, len(images)) for output in outputs for i in range(len(images))]
     for path_of_one, image in zip(paths, images * len(outputs), strict=True):
-        save_picture(path_of_one, image)
+        save_picture(path_of_one, image, tone_mapper)
     return {"scene": str(path), "seconds": {"total": round(seconds, 3)}, "triangles": len(scene.triangles),
             "size": (width, height), "weights": weights, "output": list(map(str, paths))}
 
