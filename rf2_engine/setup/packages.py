@@ -35,6 +35,8 @@ EXTENSION = __package__.rsplit(".", 2)[0]
 PACKAGES_VARIABLE = "RENDERFORMER_V2_PACKAGES"  # environment: folder of Python packages, as Install Packages makes it
 WEIGHTS_VARIABLE = "RENDERFORMER_V2_WEIGHTS"    # environment: renderformer-v2, or the folder that contains it
 
+BUTTON = "Render Properties > RenderFormer-V2 > Install Packages"
+
 
 class MissingPackages(Exception):
     """Packages cannot be imported or used; the message says how to get them."""
@@ -149,9 +151,9 @@ def too_old() -> str:
         version = version_elsewhere(name)
         if version and _numbers(version) < _numbers(minimum):
             update = f"{sys.executable} -m pip install --upgrade {wheels.requirement(PACKAGES[name])}"
+            other = f", or remove it and use {BUTTON}" if can_install([name]) else ""
             return (f"{name} {version} in {elsewhere(name)} is too old: this add-on needs {name} {minimum} or newer. "
-                    f"Update it with {update}, or remove it and use Render Properties > RenderFormer-V2 > Install "
-                    "Packages. Then start Blender again")
+                    f"Update it with {update}{other}. Then start Blender again")
     return ""
 
 
@@ -254,6 +256,14 @@ def unavailable(names: Iterable[str]) -> str:
     return ""
 
 
+def can_install(names: Iterable[str]) -> bool:
+    """Whether BUTTON can get these packages of PACKAGES: there is a folder for them and they are made."""
+    try:
+        return folder() is not None and all(wheels.find_wheels(PACKAGES[name], build()) for name in names)
+    except wheels.NoWheel:
+        return False
+
+
 def require() -> None:
     """Raises MissingPackages when the network cannot run."""
     if problem := too_old():
@@ -267,10 +277,10 @@ def require() -> None:
                 f"Python packages are missing or incomplete in {shared}: {', '.join(names)}. The environment variable "
                 f"{PACKAGES_VARIABLE} names this folder: correct it, or fill it with blender --online-mode "
                 "--command renderformer_v2 install")
+        button = f"Use {BUTTON} (PyTorch is a large download), or install" if can_install(names) else "Install"
         raise MissingPackages(
-            f"Python packages are missing or incomplete: {', '.join(names)}. Use Render Properties > RenderFormer-V2 > "
-            f"Install Packages (PyTorch is a large download), or install them into Blender's Python: {sys.executable} "
-            "-m pip install " + " ".join(wheels.requirement(PACKAGES[name]) for name in names))
+            f"Python packages are missing or incomplete: {', '.join(names)}. {button} them into Blender's Python: "
+            f"{sys.executable} -m pip install " + " ".join(wheels.requirement(PACKAGES[name]) for name in names))
 
 
 def require_cycles() -> None:

@@ -4,15 +4,25 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.model import progress
+from bl_ext.user_default.renderformer_v2.model import progress, rays
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.mesh import areas
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import wheels
 
 
 def test_empty_scene_is_valid(converted):
     scene = converted()
     assert len(scene) == 0 and scene.volumes is None
     np.testing.assert_allclose(scene.environment, 0.25, rtol=1e-5)
+
+
+@pytest.mark.parametrize("is_made", [True, False])
+def test_embree_is_to_be_installed_only_where_it_is_made(converted, report, monkeypatch, is_made):
+    monkeypatch.setattr(rays, "has_embree", lambda: False)
+    monkeypatch.setattr(wheels, "is_made", lambda distribution: is_made)
+    converted()
+    said, = (line for line in report.lines() if "embreex is missing" in line)
+    assert ("Install Packages" in said) == is_made
 
 
 def test_text_curve_surface_and_metaball_are_rendered_once(converted, report):

@@ -73,6 +73,26 @@ def test_a_system_without_a_wheel_is_named(on):
         wheels.find_wheels("torch")
 
 
+@pytest.mark.parametrize("has_folder", [True, False])
+def test_the_button_is_advised_only_where_it_has_a_folder(monkeypatch, tmp_path, has_folder):
+    """Without one, from the source tree, pip is."""
+    monkeypatch.setattr(packages, "folder", lambda create=False: tmp_path if has_folder else None)
+    monkeypatch.setattr(packages, "missing", lambda: ["torch"])
+    monkeypatch.setattr(packages, "too_old", lambda: "")
+    with pytest.raises(packages.MissingPackages, match="-m pip install torch==") as raised:
+        packages.require()
+    assert ("Install Packages" in str(raised.value)) == has_folder
+
+
+@pytest.mark.parametrize("version", [11, 99])
+def test_what_is_too_old_is_replaced_by_the_button_only_where_its_wheel_is_made(on, monkeypatch, tmp_path, version):
+    monkeypatch.setattr(packages, "elsewhere", lambda name: tmp_path if name == "torch" else None)
+    monkeypatch.setattr(packages, "version_elsewhere", lambda name: "2.3" if name == "torch" else "")
+    monkeypatch.setattr(packages, "folder", lambda create=False: tmp_path)
+    on("linux", "x86_64", version)
+    assert ("Install Packages" in packages.too_old()) == (version == 11)
+
+
 def drawn(monkeypatch, tmp_path, missing=lambda name: True) -> Layout:
     monkeypatch.setattr(packages, "is_elsewhere", lambda name: not missing(name))
     monkeypatch.setattr(packages, "folder", lambda create=False: tmp_path)
