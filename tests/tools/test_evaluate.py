@@ -53,6 +53,13 @@ def test_metrics_of_known_differences():
     assert psnr(np.full((4, 4, 3), 0.5), np.full((4, 4, 3), 0.6)) == pytest.approx(20.0)
 
 
+def test_a_black_reference_can_be_compared_with():
+    black = np.zeros((16, 16, 3), np.float32)
+    picture = black.copy()
+    picture[:4] = 0.5
+    assert compare(black, black)["hdr_flip"] == 0 and compare(picture, black)["hdr_flip"] == 0.25
+
+
 def test_a_sample_whose_reference_is_our_own_picture_is_perfect_and_a_darker_one_is_not(tmp_path):
     scene, (view, guides) = floor_scene(), floor_view()
     picture = Renderer().encode(scene).view(view, guides)

@@ -22,9 +22,14 @@ def flip(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def hdr_flip(a: np.ndarray, b: np.ndarray) -> float:
-    """Mean error at the exposures at which the linear picture b shows something, (H, W, 3)."""
+    """Mean error at the exposures at which the linear picture b shows something, (H, W, 3).
+
+    Where b is black no exposure is known, with which the library never ends: the share of pixels of a that are not.
+    """
     import flip_evaluator
 
+    if not (b > 0).any():
+        return float((a > 0).any(axis=-1).mean())
     return float(flip_evaluator.evaluate(*(np.maximum(x, 0).astype(np.float32) for x in (b, a)), "HDR",
                                          applyMagma=False)[1])
 
