@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures as arrays: sRGB encoding, sums over the squares around pixels, and horizontal bands, so that a large
-picture costs little more memory than a small one.
+"""Pictures as arrays: sRGB encoding, sums over the squares around pixels, smaller ones, and horizontal bands, so that
+a large picture costs little more memory than a small one.
 """
 from __future__ import annotations
 
@@ -56,3 +56,13 @@ def linear_to_srgb(linear: np.ndarray) -> np.ndarray:
 def to_half(x: np.ndarray) -> np.ndarray:
     """As f16, clipped to what that can hold."""
     return np.clip(x, -HALF_MAX, HALF_MAX).astype(np.float16)
+
+
+def resize(pixels: np.ndarray, height: int, width: int) -> np.ndarray:
+    """(H, W, C) -> (height, width, C), each the mean of the pixels that it covers, or one of them."""
+    for axis, size in ((0, height), (1, width)):
+        start = np.arange(size) * pixels.shape[axis] // size
+        counts = np.maximum(np.diff([*start, pixels.shape[axis]]), 1)
+        shape = [-1 if i == axis else 1 for i in range(3)]
+        pixels = np.add.reduceat(pixels, start, axis=axis) / counts.astype(np.float32).reshape(shape)
+    return pixels

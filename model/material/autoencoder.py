@@ -2,6 +2,7 @@
 """Autoencoder of rendered material spheres with a 9-D bottleneck (docs/scene-input.md 3.6, docs/network.md 13)."""
 from __future__ import annotations
 
+import numpy as np
 import torch
 from torch import nn
 from torch.nn import functional as F
@@ -75,6 +76,16 @@ class MaterialAutoencoder(nn.Module):
 
     def forward(self, images: torch.Tensor) -> torch.Tensor:
         return self.decode(self.encode(images))
+
+
+def encode_picture(model: MaterialAutoencoder, picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of a sphere (S, S, 3) f32 linear radiance: its latent (9,) f32, and what the model makes of that (S, S, 3) f32.
+    """
+    image = log10_1p(torch.from_numpy(np.ascontiguousarray(picture))).clamp(0, 1).movedim(-1, 0)[None]
+    with torch.inference_mode():
+        latent = model.encode(image)
+        decoded = inverse_log10_1p(model.decode(latent))
+    return latent[0].numpy(), decoded[0].movedim(0, -1).numpy()
 
 
 def _transposed(a: int, b: int) -> nn.ConvTranspose2d:

@@ -10,14 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import progress
 from ..errors import SceneError
 from ..geometry import dot, latlong_directions, unit
+from ..pictures import resize
 
+SUFFIXES = ".bsdf", ".binary"                  # of the RGL and the MERL database
 SHAPE = 90, 90, 180                            # angles of half vector and difference, azimuth of the difference
 SCALE = np.array([1.0, 1.15, 1.66]) / 1500     # of what the files store, by channel
 DISTANCE, FIELD_OF_VIEW = 3.0, 39.6            # of the camera (docs/scene-input.md 3.6), degrees
 SIDE = 4                                       # samples of a pixel along each axis, by which it is covered
-PIXELS = 64                                    # that see the whole panorama at once
+PIXELS = 16                                    # that see the whole panorama at once, a step of progress
+LIGHT = 64, 128                                # to which a studio light is reduced
 
 
 @dataclass(frozen=True)
@@ -57,11 +61,16 @@ class MeasuredBRDF:
         return found * above[..., None]
 
 
+def grey_light(pixels: np.ndarray) -> np.ndarray:
+    """(64, 128) f32 for `sphere_picture`: the mean of the colours of a panorama (H, W, 3 or 4), row 0 looking up."""
+    return resize(pixels[..., :3].mean(axis=-1, keepdims=True), *LIGHT)[..., 0]
+
+
 def sphere_picture(brdf, panorama: np.ndarray, size: int) -> np.ndarray:
     """(size, size, 3) f32 linear radiance of a unit sphere under a panorama (H, W), row 0 looking up, as
     tools.datagen.spheres renders it: colour is premultiplied twice.
 
-    brdf: as MeasuredBRDF is called. A sphere sees no light that it has reflected, so this is all.
+    brdf: as MeasuredBRDF is called. A sphere sees no light that it has reflected, so this is all. Reports progress.
     """
     height, width = panorama.shape
     directions = latlong_directions(np.arange(height), height, width).reshape(-1, 3).astype(np.float64)
@@ -69,7 +78,7 @@ def sphere_picture(brdf, panorama: np.ndarray, size: int) -> np.ndarray:
     light = (panorama * solid_angle[:, None]).reshape(-1)
     normals, rays, alpha = _see_sphere(size)
     radiance, hit = np.zeros((size * size, 3)), np.flatnonzero(alpha)
-    for pixels in np.split(hit, range(PIXELS, len(hit), PIXELS)):
+    for pixels in progress.steps(np.split(hit, range(PIXELS, len(hit), PIXELS))):
         pixel, texel = np.nonzero(normals[pixels] @ directions.T > 0)
         normal, incoming = normals[pixels][pixel], directions[texel]
         arriving = dot(normal, incoming) * light[texel]

@@ -26,7 +26,7 @@ def lambertian(tmp_path):
 
 @pytest.mark.slow
 def test_a_matt_brdf_is_the_sphere_that_cycles_renders(lambertian, tmp_path):
-    panorama = measured.studio_panorama()
+    panorama = measured.studio_light()
     ours = sphere_picture(MeasuredBRDF.load(lambertian), panorama, spheres.SIZE)
     tree = spheres.build_scene(samples=64)
     spheres.set_parameters(tree, "diffspec_mapper", np.array([*COLOR, 0, 0, 0, 1]))

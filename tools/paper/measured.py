@@ -15,11 +15,12 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from renderformer_v2.model.material.autoencoder import MaterialAutoencoder, inverse_log10_1p, log10_1p
+from renderformer_v2.model.material.autoencoder import MaterialAutoencoder, encode_picture
+from renderformer_v2.model.material.mappers import LATENT_DIM
+from renderformer_v2.model.material.measured_latent import AUTOENCODER
 from renderformer_v2.model.pictures import linear_to_srgb
 from renderformer_v2.model.published.bundle import Bundle
 from renderformer_v2.model.weights.checkpoint import load_component
-from renderformer_v2.model.weights.presets import WEIGHTS
 from tools.common.markdown import write_table
 from tools.common.metrics import compare
 from tools.evaluate.scores import perceptual
@@ -34,13 +35,14 @@ def main(arguments: list[str]) -> None:
     options = parser.parse_args(arguments)
     options.output.mkdir(parents=True, exist_ok=True)
     autoencoder = (Bundle(options.weights).autoencoder() if options.weights
-                   else load_component(MaterialAutoencoder, WEIGHTS / "material" / "material_autoencoder")).eval()
+                   else load_component(MaterialAutoencoder, AUTOENCODER)).eval()
+    with torch.inference_mode():
+        side = autoencoder.decode(torch.zeros(1, LATENT_DIM)).shape[-1]
     table, rows = {}, []
     for path in options.pictures:
-        picture = read_sphere(path)
-        latent, decoded = encode_sphere(autoencoder, picture)
+        small = resized(read_sphere(path), side)
+        latent, decoded = encode_picture(autoencoder, small)
         np.save(options.output / f"{path.stem}.npy", latent)
-        small = resized(picture, len(decoded))
         table[path.stem] = compare(decoded, small) | perceptual(decoded, small) | {"latent": latent.tolist()}
         rows.append(np.concatenate([small, decoded], axis=0))
     from skimage.io import imsave
@@ -62,17 +64,6 @@ def read_sphere(path: Path) -> np.ndarray:
     if pixels is None or pixels.shape[0] != pixels.shape[1]:
         raise ValueError(f"{path}: expected a square picture with the channels R, G and B")
     return np.nan_to_num(pixels[..., :3].astype(np.float32)).clip(0)
-
-
-def encode_sphere(autoencoder: MaterialAutoencoder, picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The latent (9,) f32 of a picture, and what the decoder makes of it: (S, S, 3) linear, of the autoencoder's size.
-    """
-    with torch.inference_mode():
-        decoded = autoencoder.decode(torch.zeros(1, 9))
-        image = log10_1p(torch.from_numpy(resized(picture, decoded.shape[-1]).copy()).movedim(-1, 0)[None]).clamp(0, 1)
-        latent = autoencoder.encode(image)
-        decoded = inverse_log10_1p(autoencoder.decode(latent))[0].movedim(0, -1)
-    return latent[0].numpy(), decoded.numpy()
 
 
 def resized(picture: np.ndarray, side: int) -> np.ndarray:

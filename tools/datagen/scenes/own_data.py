@@ -8,6 +8,7 @@ import bmesh
 import bpy
 import numpy as np
 
+from renderformer_v2.model.pictures import resize
 from renderformer_v2.model.scene import ENVIRONMENT_SHAPE
 
 from .meshes import apply_modifiers
@@ -51,16 +52,6 @@ def load_panorama(path: Path, order: str) -> tuple[bpy.types.Image, float] | Non
     image = make_panorama(path.stem, pixels, name)
     image[OWN] = True
     return image, 1.0 / mean
-
-
-def resize(pixels: np.ndarray, height: int, width: int) -> np.ndarray:
-    """(H, W, C) -> (height, width, C), each the mean of the pixels that it covers, or one of them."""
-    for axis, size in ((0, height), (1, width)):
-        start = np.arange(size) * pixels.shape[axis] // size
-        counts = np.maximum(np.diff([*start, pixels.shape[axis]]), 1)
-        shape = [-1 if i == axis else 1 for i in range(3)]
-        pixels = np.add.reduceat(pixels, start, axis=axis) / counts.astype(np.float32).reshape(shape)
-    return pixels
 
 
 def load_mesh(path: Path) -> bpy.types.Mesh | None:

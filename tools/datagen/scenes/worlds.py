@@ -2,8 +2,6 @@
 """Worlds: HDRIs that Blender ships for its studio lights, made-up panoramas, Sky Textures, a colour, or nothing."""
 from __future__ import annotations
 
-from pathlib import Path
-
 import bpy
 import numpy as np
 
@@ -11,6 +9,7 @@ from mathutils import Vector
 
 from renderformer_v2.model.geometry import latlong_directions
 from renderformer_v2.model.scene import ENVIRONMENT_SHAPE
+from renderformer_v2.rf2_engine.picture_files import studio_light_file
 
 from . import own_data
 from .meshes import add_object
@@ -102,14 +101,8 @@ def link_panorama(world: bpy.types.World, background: bpy.types.ShaderNode, imag
 
 
 def load_studio_light(name: str) -> bpy.types.Image:
-    """One of Blender's studio lights, an equirectangular map in scene-linear radiance.
-
-    Raises FileNotFoundError when this Blender was installed without its data files.
-    """
-    path = Path(bpy.utils.system_resource("DATAFILES")) / "studiolights" / "world" / f"{name}.exr"
-    if not path.is_file():
-        raise FileNotFoundError(f"studio light {path} is missing: install Blender with its data files")
-    return bpy.data.images.load(str(path), check_existing=True)
+    """One of Blender's. Raises FileNotFoundError as `studio_light_file`."""
+    return bpy.data.images.load(str(studio_light_file(name)), check_existing=True)
 
 
 def permute_channels(name: str, order: str) -> tuple[bpy.types.Image, float]:
