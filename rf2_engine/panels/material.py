@@ -2,6 +2,7 @@
 """Material Properties: settings, and the appearance latent, nine numbers in place of the nodes (published weights)."""
 from __future__ import annotations
 
+from multiprocessing.pool import ThreadPool
 from pathlib import Path
 
 import bpy
@@ -9,17 +10,21 @@ import numpy as np
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from ...model.errors import CheckpointError
+from ...model import progress
+from ...model.errors import CheckpointError, RenderCancelled, SceneError
+from ...model.material.measured import SUFFIXES, grey_light
 from ..material_settings import read_latent, set_latent
+from ..picture_files import read_pixels, studio_light_file
 from ..registering import classes
 from ..settings import is_published
 from ..setup import importing, published_weights
-from ..setup.display import draw_text
+from ..setup.display import INTERVAL, draw_text
 from ..setup.packages import MissingPackages
 from .panel import EnginePanel
 
 SPHERE = 256  # pixels, width and height of the pictures of spheres
 PICTURE = "Latent of {}"
+FAILURES = ValueError, OSError, RuntimeError, CheckpointError, SceneError, MissingPackages
 
 
 class RENDERFORMER_PT_material_settings(EnginePanel):
@@ -77,21 +82,92 @@ class _WithMaterial(bpy.types.Operator):
 class RENDERFORMER_OT_load_latent(_WithMaterial, ImportHelper):
     bl_idname = "renderformer_v2.load_latent"
     bl_label = "Load Latent"
-    bl_description = ("From a .npy file of nine numbers; or from a picture of a sphere of the material, 256 x 256 "
-                      "linear radiance as the authors' material pictures show it, by the published autoencoder")
+    bl_description = ("From a .npy file of nine numbers; from a picture of a sphere of the material, 256 x 256 linear "
+                      "radiance as the authors' material pictures show it, by the published autoencoder; or from a "
+                      "measured BRDF of the RGL (.bsdf) or MERL (.binary) database, by the bundled one. The last takes "
+                      "a minute, Esc stops it")
     bl_options = {"UNDO"}
 
-    filter_glob: StringProperty(default="*.npy;*.exr;*.hdr", options={"HIDDEN"})
+    filter_glob: StringProperty(default="*.npy;*.exr;*.hdr;*.bsdf;*.binary", options={"HIDDEN"})
 
     def execute(self, context):
-        file = Path(self.filepath)
+        file, material = Path(self.filepath), context.material
+        self.key = material.name, material.library and material.library.filepath  # it may be gone before the end
+        if file.suffix.lower() not in SUFFIXES:
+            return self.finish(lambda: read_latent(file) if file.suffix.lower() == ".npy"
+                               else encode_sphere(read_radiance(file)))
         try:
-            numbers = read_latent(file) if file.suffix.lower() == ".npy" else encode_sphere(read_radiance(file))
-            set_latent(context.material, numbers)
-        except (ValueError, OSError, RuntimeError, CheckpointError, MissingPackages) as error:
-            self.report({"ERROR"}, f"{file.name}: {error}")
+            self.encoding = Encoding(file, context.scene.renderformer_v2)
+        except FAILURES as error:
+            return self.fail(error)
+        if bpy.app.background:
+            return self.finish(self.encoding.wait)
+        self.timer = context.window_manager.event_timer_add(INTERVAL, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type == "ESC":
+            self.encoding.is_cancelled = True
+        if self.encoding.is_running:
+            context.workspace.status_text_set(f"Encoding {Path(self.filepath).name}, "
+                                              f"{100 * self.encoding.fraction:.0f} %  (Esc: Cancel)")
+            return {"PASS_THROUGH"}
+        self.cancel(context)
+        return self.finish(self.encoding.wait)
+
+    def cancel(self, context):
+        """Also called by Blender, such as when another file is opened."""
+        self.encoding.is_cancelled = True
+        context.window_manager.event_timer_remove(self.timer)
+        context.workspace.status_text_set(None)
+
+    def finish(self, read):
+        """read(): the latent."""
+        try:
+            numbers = read()
+            if (material := bpy.data.materials.get(self.key)) is not None:
+                set_latent(material, numbers)
+        except RenderCancelled:
             return {"CANCELLED"}
+        except FAILURES as error:
+            return self.fail(error)
         return {"FINISHED"}
+
+    def fail(self, error: Exception):
+        self.report({"ERROR"}, f"{Path(self.filepath).name}: {error}")
+        return {"CANCELLED"}
+
+
+class Encoding:
+    """The latent of a measured BRDF, on a thread of its own: rendering its sphere takes a minute."""
+
+    def __init__(self, file: Path, settings):
+        """Raises CheckpointError for weights that do not know such latents, MissingPackages, OSError."""
+        importing.import_packages()
+        if is_published(settings):
+            require_bundled_latents(Path(settings.weights()))
+        self.is_cancelled, self.fraction = False, 0.0
+        light = read_pixels(studio_light_file("studio"))
+        self._result = ThreadPool(1).apply_async(self._run, (file, light))
+
+    @property
+    def is_running(self) -> bool:
+        return not self._result.ready()
+
+    def wait(self) -> np.ndarray:
+        """(9,) f32. Raises SceneError for the file, RenderCancelled."""
+        return self._result.get()
+
+    def _run(self, file: Path, light: np.ndarray) -> np.ndarray:
+        from ...model.material.measured_latent import encode_brdf
+        with progress.reporting(self._listen):
+            return encode_brdf(file, grey_light(light))[0]
+
+    def _listen(self, text: str, fraction: float) -> None:
+        self.fraction = fraction
+        if self.is_cancelled:
+            raise RenderCancelled
 
 
 class RENDERFORMER_OT_show_latent(_WithMaterial):
@@ -119,16 +195,11 @@ class RENDERFORMER_OT_show_latent(_WithMaterial):
 
 def read_radiance(file: Path) -> np.ndarray:
     """(256, 256, 3) f32, row 0 on top. Raises ValueError for another size, RuntimeError if Blender cannot read it."""
-    image = bpy.data.images.load(str(file))
-    try:
-        width, height = image.size
-        if (width, height) != (SPHERE, SPHERE):
-            raise ValueError(f"expected a picture of {SPHERE} x {SPHERE} pixels, found {width} x {height}")
-        pixels = np.empty((height, width, 4), np.float32)
-        image.pixels.foreach_get(pixels.ravel())
-    finally:
-        bpy.data.images.remove(image)
-    return pixels[::-1, :, :3]
+    pixels = read_pixels(file)
+    height, width, _ = pixels.shape
+    if (width, height) != (SPHERE, SPHERE):
+        raise ValueError(f"expected a picture of {SPHERE} x {SPHERE} pixels, found {width} x {height}")
+    return pixels[..., :3]
 
 
 def encode_sphere(radiance: np.ndarray) -> np.ndarray:
@@ -147,6 +218,17 @@ def decode_sphere(latent: np.ndarray) -> np.ndarray:
     with torch.inference_mode():
         picture = _load_autoencoder().decode(torch.from_numpy(latent)[None])[0].numpy()
     return (10 ** picture - 1).transpose(1, 2, 0).astype(np.float32)
+
+
+def require_bundled_latents(weights: Path) -> None:
+    """Raises CheckpointError unless a bundle's latents are those of the bundled autoencoder."""
+    from ...model.material.measured_latent import is_of_bundled_autoencoder
+    from ...model.published.bundle import Bundle
+    from ...model.published.bundle_files import MAPPERS, bundle_and_transformer
+    if not is_of_bundled_autoencoder(Bundle(bundle_and_transformer(weights)[0]).mapper(MAPPERS[-1])):
+        raise CheckpointError("these weights have latents of another autoencoder, which knows measured materials by "
+                              "spheres under a light that its authors do not distribute. Load a latent (.npy) or a "
+                              "picture of such a sphere instead")
 
 
 def _load_autoencoder():

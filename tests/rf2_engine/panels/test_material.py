@@ -8,13 +8,20 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
+from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
+from bl_ext.user_default.renderformer_v2.model.material import measured_latent
 from bl_ext.user_default.renderformer_v2.model.material.autoencoder import MaterialAutoencoder
+from bl_ext.user_default.renderformer_v2.model.material.measured import SHAPE, MeasuredBRDF
+from bl_ext.user_default.renderformer_v2.model.weights.checkpoint import load_component
 from bl_ext.user_default.renderformer_v2.rf2_engine.panels import material as material_panel
 from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.files import write_panorama
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
 
+from tests.model.published.bundles import tiny_published_config, write_bundle
 from tests.rf2_engine import f12
+from tests.sources import ROOT
 
+ROOM = ROOT / "tests" / "fixtures" / "room_bundle"
 LATENT = np.linspace(-0.9, 0.9, 9).astype(np.float32)
 
 
@@ -87,3 +94,46 @@ def test_a_picture_of_another_size_and_a_missing_autoencoder_are_said(material, 
     write_panorama(tmp_path / "sphere.exr", np.ones((256, 256, 3), np.float32))
     with pytest.raises(RuntimeError, match="material_autoencoder"):
         load(material, tmp_path / "sphere.exr")
+
+
+@pytest.fixture
+def brdf(tmp_path):
+    """A file of a red matt BRDF."""
+    table = np.broadcast_to(np.float32([0.2, 0.05, 0.05]), (*SHAPE, 3))
+    MeasuredBRDF(table).save(tmp_path / "red.binary")
+    return tmp_path / "red.binary"
+
+
+def test_a_measured_brdf_becomes_the_latent_of_the_bundled_autoencoder(material, brdf):
+    images = len(bpy.data.images)
+    assert load(material, brdf) == {"FINISHED"} and len(bpy.data.images) == images
+    latent = torch.tensor(material.renderformer_v2.latent[:])[None]
+    decoded = load_component(MaterialAutoencoder, measured_latent.AUTOENCODER).decode(latent)[0]
+    red, green, blue = decoded[:, 24:40, 24:40].mean((1, 2)).tolist()
+    assert material.renderformer_v2.use_latent and red > 1.5 * green and green == pytest.approx(blue, rel=0.2)
+
+
+def test_what_is_no_brdf_is_said_and_changes_nothing(material, tmp_path):
+    for name in ("paint.binary", "paint_rgb.bsdf"):
+        (tmp_path / name).write_bytes(b"nothing")
+        with pytest.raises(RuntimeError, match=name):
+            load(material, tmp_path / name)
+    assert not material.renderformer_v2.use_latent
+
+
+def test_encoding_can_be_cancelled(brdf, scene):
+    encoding = material_panel.Encoding(brdf, scene.renderformer_v2)
+    encoding.is_cancelled = True
+    with pytest.raises(RenderCancelled):
+        encoding.wait()
+    assert not encoding.is_running and encoding.fraction < 1
+
+
+def test_weights_of_another_autoencoder_are_refused(material, brdf, scene, tmp_path):
+    """The room's bundle belongs to the bundled autoencoder, one of random mappers does not."""
+    material_panel.require_bundled_latents(ROOM)
+    scene.renderformer_v2.weights_source = "FOLDER"
+    scene.renderformer_v2.weights_folder = str(write_bundle(tmp_path / "renderformer-v2", tiny_published_config()))
+    with pytest.raises(RuntimeError, match="red.binary: these weights have latents of another autoencoder"):
+        load(material, brdf)
+    assert not material.renderformer_v2.use_latent
