@@ -21,7 +21,7 @@ from ...scene_rays import scene_rays
 from ...shading import surface
 from ...surface_kinds import ALL, BENDING, SEEN, STRAIGHT_THROUGH, Ray
 from .facets import pixel_starts, rough_facets
-from .paths import BLURRED, Lobe, Media, PathEnds, Sheets, follow_paths
+from .paths import BLURRED, LEAST_GLOSSY, Lobe, Media, PathEnds, Sheets, follow_paths
 
 PATHS = 1 << 18  # of a lobe, at most
 CHUNK = 1 << 14  # paths that are followed at a time
@@ -40,7 +40,7 @@ class PathLobe(NamedTuple):
     other_lobe: str
 
 
-LOBES = (PathLobe("reflected", "glossy_color", "glossy", Ray.GLOSSY, 0.02, "mirrored", "layer"),
+LOBES = (PathLobe("reflected", "glossy_color", "glossy", Ray.GLOSSY, LEAST_GLOSSY, "mirrored", "layer"),
          PathLobe("refracted", "transmission_color", "transmission", Ray.TRANSMISSION, 0.05, "exit",
                    "inner"))
 

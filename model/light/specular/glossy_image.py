@@ -17,7 +17,7 @@ from ..chunks import in_chunks
 from ..edge_stopping import dot, neighbour_numbers, plane_tolerance
 from ..hit_surfaces import HitSurfaces
 from ..weighted_rows import weighted_rows
-from .paths import BLURRED
+from .paths import BLURRED, LEAST_GLOSSY
 
 SPREADS = 1, 2, 4, 8, 16  # pixels between the 5x5 of each of the means that follow each other
 SMOOTH = 0.03             # roughness up to which an image stays as it is
@@ -33,11 +33,11 @@ def blurred_image(light: Tensor, end: Tensor, is_end: Tensor, surfaces: HitSurfa
     """Means of radiance (h, W, C) from the ends (h, W, 3) of paths, where there are any (h, W, 1), over the lobes of
     `surfaces`."""
     h, w, channels = light.shape
-    roughness = surfaces.roughness
-    is_rough = (surfaces.is_covered[..., 0] & (roughness > SMOOTH) & (roughness < BLURRED)).flatten()
+    is_followed = (surfaces.glossy.amax(-1) > LEAST_GLOSSY) & (surfaces.roughness < BLURRED)
+    is_rough = (is_followed & (surfaces.roughness > SMOOTH)).flatten()
     if not is_rough.any():
         return light
-    lobes = _Lobes.of(surfaces, end, is_end)
+    lobes = _Lobes.of(surfaces, end, is_end, is_followed)
     off = lobes.nearest_off(h, w)
     light = F.pad(light.reshape(-1, channels), (0, 1), value=1.0)
     for spread in SPREADS:
@@ -57,24 +57,25 @@ class _Lobes:
     of the surface's plane.
     """
 
-    place: Tensor  # (7, h W): position; where the path ends as if it were straight, and the size of a pixel there
+    place: Tensor  # (10, h W): position, normal; where the path ends as if it were straight; the size of a pixel there
     axes: Tensor   # (12, h W)
+    width2: Tensor  # (h W,), squared tangents
 
     @classmethod
-    def of(cls, surfaces: HitSurfaces, end: Tensor, is_end: Tensor) -> _Lobes:
+    def of(cls, surfaces: HitSurfaces, end: Tensor, is_end: Tensor, is_followed: Tensor) -> _Lobes:
         x, n, rays, end = (picture.permute(2, 0, 1).contiguous() for picture in (
             surfaces.position, surfaces.normal, surfaces.rays, end))
         cosine = -dot(n, rays)
         along = rays + 2 * cosine * n
         distance = torch.where(is_end[..., 0], (end - x).square().sum(0).sqrt(), FAR)
-        size = ((surfaces.position - surfaces.origin).norm(dim=-1) + distance).square() * surfaces.is_covered[..., 0]
+        size = ((surfaces.position - surfaces.origin).norm(dim=-1) + distance).square() * is_followed
         across = F.normalize(torch.linalg.cross(n, along, dim=0), dim=0)
         width = WIDTH * surfaces.roughness.clamp_min(SMOOTH).square()
         in_plane = torch.linalg.cross(along, across, dim=0) / width
         across = across / (width * cosine.clamp_min(GRAZING))
         upward = n / plane_tolerance(x, surfaces.is_covered[..., 0])
-        return cls(torch.cat([x, x + distance * along, size[None]]).flatten(1),
-                   torch.cat([in_plane, across, along, upward]).flatten(1))
+        return cls(torch.cat([x, n, x + distance * along, size[None]]).flatten(1),
+                   torch.cat([in_plane, across, along, upward]).flatten(1), width.flatten().square())
 
     def nearest_off(self, h: int, w: int) -> Tensor:
         """(h W,) least `_off` of the ends of paths of the next pixels."""
@@ -86,14 +87,16 @@ class _Lobes:
         """Numbers and weights (R, 25) of the pixels around those of numbers (R,)."""
         number, tent = neighbour_numbers(row, h, w, spread)
         off, depth2 = self._off(row, number)
-        there = self.place[:3, number] - self.place[:3, row, None]
-        off = off + dot(there, self.axes[9:, row, None]).square()
-        return number, tent * (-off).exp() * self.place[6, number] / depth2
+        x, n = self.place[:6, row, None].split(3)
+        there, normal = self.place[:6, number].split(3)
+        off = off + dot(there - x, self.axes[9:, row, None]).square()
+        off = off + dot(normal - n, normal - n) / self.width2[row, None]  # paths of other facets end elsewhere
+        return number, tent * (-off).exp() * self.place[9, number] / depth2
 
     def _off(self, row: Tensor, number: Tensor) -> tuple[Tensor, Tensor]:
         """How far the ends of paths (R, K) are off the axes of lobes (R,), squared and over the tangents of these, and
         their squared depth."""
-        toward = self.place[3:6, number] - self.place[:3, row, None]
+        toward = self.place[6:9, number] - self.place[:3, row, None]
         in_plane, across, along = self.axes[:9, row, None].split(3)
         depth2 = dot(toward, along).clamp_min(1e-6).square()
         return (dot(toward, in_plane).square() + dot(toward, across).square()) / depth2, depth2
