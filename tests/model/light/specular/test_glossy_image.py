@@ -59,3 +59,14 @@ def test_the_sky_counts_beside_surfaces(floor):
     image = blurred_image(light, torch.where(is_end, end, 0), is_end, surfaces)[48, 24:72, 0]
     assert image.min() < 0.05 and image.max() > 0.95
     assert (image - 0.5).abs().min() < 0.15
+
+
+def test_pixels_whose_paths_were_not_followed_count_for_nothing(floor):
+    """Those of rougher surfaces and of surfaces that hardly reflect are black for another reason than what is there."""
+    surfaces, end, _ = ceiling(floor, 0.25, 1.0)
+    right = torch.arange(96) >= 48
+    for other in (replace(surfaces, roughness=torch.where(right, 0.6, surfaces.roughness)),
+                  replace(surfaces, glossy=torch.where(right[:, None], 0.0, surfaces.glossy))):
+        light = (surfaces.is_covered & ~right[:, None]).float()
+        image = blurred_image(light, end * light, light > 0, other)
+        assert image[48, 24:48].min() > 0.999
