@@ -28,16 +28,16 @@ def hit_roughness(scene: RenderScene, guides: Guides) -> np.ndarray:
     return np.where(guides.hit_triangle >= 0, roughness, np.float32(UNKNOWN_ROUGHNESS))
 
 
-def hit_reflectances(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(H, W) f32 each, of the same texel: reflectance of its metal, share of a dielectric layer, and f0 of the layer.
+def hit_reflectances(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(H, W) f32 each, of the same texel: share and f0 of its metal, share and f0 of a dielectric layer.
 
     A layer that reflects next to nothing at normal incidence has a share of 0.
     """
     texel = _hit_texels(scene, guides, PARAMETERS)
     is_known, metallic, transmission = guides.hit_triangle >= 0, texel[..., METALLIC], texel[..., TRANSMISSION]
     f0 = np.where(is_known, layer_reflectance(texel[..., IOR], transmission), UNKNOWN_F0)
-    metal = is_known * metallic * texel[..., BASE_COLOR].mean(-1)
-    return metal, (1 - is_known * metallic) * (f0 / LEAST_LAYER).clip(max=1), f0
+    metal = is_known * metallic
+    return metal, texel[..., BASE_COLOR].mean(-1), (1 - metal) * (f0 / LEAST_LAYER).clip(max=1), f0
 
 
 def hit_translucence(scene: RenderScene, guides: Guides) -> np.ndarray:

@@ -2,7 +2,7 @@
 """Fresnel reflectance of glossy lobes: facets that light meets at a slant reflect more.
 
 By Schlick's approximation (1994); the mean over a lobe is both halves of a split sum (Karis 2013). f0, the reflectance
-at normal incidence, is relative to that at grazing angles; it is 1 for metals, which reflect alike at all angles.
+at normal incidence, is relative to that at grazing angles. Of metals it is the base color, as of the Principled BSDF.
 """
 from __future__ import annotations
 

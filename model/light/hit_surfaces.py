@@ -86,11 +86,12 @@ def tensors_on(device: torch.device):
     return lambda x: torch.as_tensor(np.ascontiguousarray(x), dtype=torch.float32, device=device)
 
 
-def _relative_f0(metal: Tensor, layer: Tensor, f0: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
-    """(h, W) f0 over the reflectance at grazing angles, of surfaces of metal, for which it is 1, and a layer.
+def _relative_f0(metal: Tensor, metal_f0: Tensor, layer: Tensor, layer_f0: Tensor, cosine: Tensor,
+                 roughness: Tensor) -> Tensor:
+    """(h, W) f0 of surfaces of metal and a layer, both of which reflect all light at grazing angles.
 
-    metal, layer, f0: of `hit_reflectances`; cosine: between normal and viewer.
+    Arguments as of `hit_reflectances`; cosine: between normal and viewer.
     """
     albedo = lobe_albedo(torch.ones(()), cosine.flatten(), roughness.flatten()).view_as(cosine)
     metal = metal / albedo  # light that bounces between its facets is uniform
-    return (metal + layer * f0) / (metal + layer).clamp_min(1e-6)
+    return (metal * metal_f0 + layer * layer_f0) / (metal + layer).clamp_min(1e-6)

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the surfaces that pixels show reflect."""
+import pytest
 import torch
 
 from renderformer_v2.model.light.hit_surfaces import HitSurfaces
+from renderformer_v2.model.scene import BASE_COLOR, IOR, METALLIC
 from tests.model.samples import floor_scene, floor_view
 
 
@@ -11,3 +13,13 @@ def test_what_leans_away_from_the_viewer_shows_no_gloss():
     guides.normal[:, :32] *= -1
     is_toward = HitSurfaces.of(scene, view, guides, 0, torch.device("cpu")).is_toward
     assert not is_toward[32, 24] and is_toward[32, 40]
+
+
+def test_a_dark_metal_reflects_more_at_grazing_angles_and_a_bright_one_hardly():
+    """As the Principled BSDF: f0 is the base color of a metal, and a mean of both where a metal is partly a dielectric."""
+    scene, (view, guides) = floor_scene(), floor_view()
+    scene.tiles[:, IOR] = 1.3291
+    for metallic, base, expected in ((1, 0.1, 0.1), (1, 0.9, 0.9), (0, 0.9, 0.04), (0.5, 0.6, 0.35)):
+        scene.tiles[:, BASE_COLOR], scene.tiles[:, METALLIC] = base, metallic
+        f0 = HitSurfaces.of(scene, view, guides, 0, torch.device("cpu")).f0[32, 32].item()
+        assert f0 == pytest.approx(expected, abs=0.04)
