@@ -16,7 +16,7 @@ def test_what_leans_away_from_the_viewer_shows_no_gloss():
 
 
 def test_a_dark_metal_reflects_more_at_grazing_angles_and_a_bright_one_hardly():
-    """As the Principled BSDF: f0 is the base color of a metal, and a mean of both where a metal is partly a dielectric."""
+    """As the Principled BSDF: f0 is the base color of a metal, and a mean of both where it is partly a dielectric."""
     scene, (view, guides) = floor_scene(), floor_view()
     scene.tiles[:, IOR] = 1.3291
     for metallic, base, expected in ((1, 0.1, 0.1), (1, 0.9, 0.9), (0, 0.9, 0.04), (0.5, 0.6, 0.35)):
