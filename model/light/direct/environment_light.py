@@ -21,7 +21,7 @@ from ..chunks import in_chunks
 from ..cutouts import Cutouts
 from ..fresnel import schlick
 from ..media.transmittance import Fog
-from ..sampling import cosine_directions, ggx_directions
+from ..sampling import cosine_directions, ggx_directions, local_basis
 from ..tensor_rays import TensorRays
 
 ROUGHNESS_LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -102,8 +102,9 @@ class EnvironmentLight:
         if self.is_uniform or not len(wide):
             return radiance
         normal, outgoing, roughness, f0 = (values[wide] for values in (normal, outgoing, roughness, f0))
-        direction, weight, cosine, density = ggx_directions(normal, outgoing, roughness, TAPS,
-                                                            torch.full_like(normal[:, :2], 0.5))
+        x, y = (local_basis(normal)[:, :2] @ outgoing[..., None])[..., 0].unbind(1)
+        start = torch.stack([torch.full_like(x, 0.5), torch.atan2(y, x) / (2 * math.pi)], 1)  # as the viewer is turned
+        direction, weight, cosine, density = ggx_directions(normal, outgoing, roughness, TAPS, start)
         weight = weight * schlick(f0[:, None], cosine)
         weight = weight / weight.sum(1, keepdim=True).clamp_min(1e-6)
         # A lobe of this roughness has the solid angle of a tap, 4 pi alpha^2.
