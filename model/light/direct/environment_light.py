@@ -27,7 +27,7 @@ from ..tensor_rays import TensorRays
 ROUGHNESS_LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
 BLUR = 0.3                            # roughness at which one of many rays reads the map
 POLISHED = 0.1                        # roughness up to which a lobe is narrow from all sides
-TAPS = 16                             # of a wider lobe
+TAPS = 32                             # of a wider lobe
 SHARP, COARSE = (64, 128), (32, 64)  # map sizes of level 0 and of the blurred levels
 COSINE_LOBE = (math.pi, 2 * math.pi / 3, math.pi / 4)  # zonal coefficients of the clamped cosine, bands 0, 1, 2
 LIFT = 1e-4      # network units that a ray starts off its surface
