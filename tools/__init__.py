@@ -2,12 +2,12 @@
 """Command lines over the two packages.
 
 They import the add-on as the package `renderformer_v2`, as Blender does under another name, so that every class of it
-exists once in a process. PyTorch is imported after them, so the variable that says how its threads wait is set here.
+exists once in a process. PyTorch is imported after them, so what has to be set before that is set here.
 """
 from .extension import load
 
 load()
 
-from renderformer_v2.model.compute.threads import sleep_while_waiting  # noqa: E402
+from renderformer_v2.model.compute import process  # noqa: E402
 
-sleep_while_waiting()
+process.prepare()

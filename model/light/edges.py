@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from ..compute.threads import shared
 from ..first_hits.camera_rays import SAMPLE_POINTS, CameraRays, Samples
 from ..first_hits.from_rays import lobe_colors
 from ..geometry import corner_weights, interpolated
@@ -36,6 +37,7 @@ AGREEMENT = 0.01    # of the distance: how far a first hit may be off the tokens
 LEAST = 1e-4        # weight of the pixel's own light, the only one if no neighbour sees the surface
 UNSEEN = 1e-3       # weight of the neighbours' colours beside those of the samples, should these be black
 BLACK = 1e-6        # added to colours, by which light is weighted
+BAND_PIXELS = 1 << 16  # of each thread
 CHUNK = 1 << 14     # pixels at a time
 FALLOFFS = np.exp(-FALLOFF * np.square(  # (K, 9)
     SAMPLE_POINTS[:, None, ::-1] - np.array(NEIGHBOURS) - 0.5).sum(-1)).astype(np.float32)
@@ -62,27 +64,33 @@ def find_edges(scene: RenderScene, view: View, guides: Guides, device: torch.dev
 
     direct: the scene's light, of which samples get their own.
     """
-    camera, pixels, neighbours, shares, of_direct = CameraRays(scene, view), [], [], [], []
-    for outer, inner in bands(*guides.alpha.shape, margin=MARGIN):
-        band, first = guides.rows(outer), outer.start * view.width
-        picture = _Picture.of(scene, band, device)
-        is_edge = picture.edges().cpu().numpy() & (band.hit_triangle >= 0)
-        albedo = np.zeros((3, *is_edge.shape, 3), np.float32)
-        albedo[:, is_edge] = lobe_colors(scene, band.hit_triangle[is_edge], band.hit_barycentric[is_edge])
-        is_own = np.zeros_like(is_edge)
-        is_own[inner] = is_edge[inner]
-        own = np.flatnonzero(is_own)
-        own = own[camera.hits_lie_at(band.position.reshape(-1, 3)[own], AGREEMENT)]
-        light = None if direct is None or not len(own) or scene.group is not None else UnshadowedLight(
-            direct, HitSurfaces.of(scene, view, band, outer.start, device), guides.traced is None)
-        for chunk in np.array_split(own, len(own) // CHUNK + 1):
-            around, share, share_of_direct = picture.shares(chunk, camera.sample(first + chunk), albedo, light)
-            pixels.append(torch.from_numpy(first + chunk).to(device))
-            neighbours.append(first + around)
-            shares.append(share)
-            of_direct.append(share_of_direct)
-    share = torch.cat(shares, 1)
-    return Edges(torch.cat(pixels), torch.cat(neighbours), share, share if direct is None else torch.cat(of_direct, 1))
+    camera, (height, width) = CameraRays(scene, view), guides.alpha.shape
+    found = shared(partial(_edges_of_band, scene, view, guides, device, direct, camera),
+                   *zip(*bands(height, width, MARGIN, BAND_PIXELS), strict=True), device=device)
+    pixel, neighbours, share, of_direct = zip(*(of_chunk for of_band in found for of_chunk in of_band), strict=True)
+    share = torch.cat(share, 1)
+    return Edges(torch.cat(pixel), torch.cat(neighbours), share, share if direct is None else torch.cat(of_direct, 1))
+
+
+def _edges_of_band(scene: RenderScene, view: View, guides: Guides, device: torch.device, direct: DirectLight | None,
+                   camera: CameraRays, outer: slice, inner: slice) -> list[tuple[Tensor, ...]]:
+    """What Edges holds, in chunks, of the rows `inner` of the rows `outer` of a picture."""
+    band, first = guides.rows(outer), outer.start * view.width
+    picture = _Picture.of(scene, band, device)
+    is_edge = picture.edges().cpu().numpy() & (band.hit_triangle >= 0)
+    albedo = np.zeros((3, *is_edge.shape, 3), np.float32)
+    albedo[:, is_edge] = lobe_colors(scene, band.hit_triangle[is_edge], band.hit_barycentric[is_edge])
+    is_own = np.zeros_like(is_edge)
+    is_own[inner] = is_edge[inner]
+    own = np.flatnonzero(is_own)
+    own = own[camera.hits_lie_at(band.position.reshape(-1, 3)[own], AGREEMENT)]
+    light = None if direct is None or not len(own) or scene.group is not None else UnshadowedLight(
+        direct, HitSurfaces.of(scene, view, band, outer.start, device), guides.traced is None)
+    chunks = []
+    for chunk in np.array_split(own, len(own) // CHUNK + 1):
+        around, share, of_direct = picture.shares(chunk, camera.sample(first + chunk), albedo, light)
+        chunks.append((torch.from_numpy(first + chunk).to(device), first + around, share, of_direct))
+    return chunks
 
 
 def _to_planes(picture: np.ndarray, device: torch.device) -> Tensor:

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from ..compute.inference import current_pieces, like
+from ..compute.threads import Once, shared
 from ..light_passes import LOBES
 from ..pictures import bands
 from ..progress import part
@@ -34,7 +35,7 @@ from .surface_light import SurfaceLight
 
 BEYOND = 4.0           # network units from a camera that sees nothing: no medium is farther off
 BANDS = 0.95           # of the work, before edges
-BAND_PIXELS = 1 << 17  # estimated at a time: tensors of a large picture are gigabytes
+BAND_PIXELS = 1 << 16  # estimated at a time by each thread: tensors of a large picture are gigabytes
 BAND_ROWS = 8          # bands have a multiple of so many rows, so that each begins at a probe
 
 
@@ -57,15 +58,19 @@ def estimate_light(light: SceneLight, view: View, guides: Guides, effort: Effort
     if light.radiosity is None:
         return _unshadowed_light(light, view, guides)
     height, width = guides.alpha.shape
-    effort = effort.of_picture(view.width * view.height)
-    picture, pixels = None, current_pieces().limit(BAND_PIXELS)
+    effort, pictures = effort.of_picture(view.width * view.height), Once()
+
+    def estimate(band: slice) -> None:
+        of_band = _estimate_band(light, view, guides.rows(band), band.start, effort, with_direct)
+        picture = pictures.get(lambda: _with_height(of_band, height))
+        for name in SurfaceLight.PICTURES:
+            getattr(picture, name)[..., band, :] = getattr(of_band, name)
+
     with part(0.0, BANDS):
-        for band, _ in bands(height, width, margin=0, pixels=pixels, multiple=BAND_ROWS):
-            with part(band.start / height, band.stop / height):
-                estimate = _estimate_band(light, view, guides.rows(band), band.start, effort, with_direct)
-            picture = picture or _with_height(estimate, height)
-            for name in SurfaceLight.PICTURES:
-                getattr(picture, name)[..., band, :] = getattr(estimate, name)
+        pixels = current_pieces().limit(BAND_PIXELS)
+        shared(estimate, [band for band, _ in bands(height, width, margin=0, pixels=pixels, multiple=BAND_ROWS)],
+               device=light.direct.device)
+    picture = pictures.get(None)
     if effort.edges:
         with part(BANDS, 1.0):
             _antialias(picture, light, view, guides, with_direct)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import bpy
 
 from ...model import progress
-from ...model.compute import threads
+from ...model.compute import process, threads
 from ...model.errors import RenderCancelled
 from ...model.light_passes import Lobes
 from ...model.scene import RenderScene, View
@@ -75,7 +75,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         progress.report()
     packages.require()                                                              # 1. Requirements
     packages.require_cycles()
-    threads.sleep_while_waiting()
+    process.prepare()
     layer = Layer.read(engine, depsgraph, optics, status, report)
     settings = layer.settings
     if settings.weights != BUNDLED:

@@ -7,7 +7,7 @@ import weakref
 import bpy
 from bpy.app.handlers import persistent
 
-from ...model.compute import threads
+from ...model.compute import process
 from ...model.errors import CheckpointError, SceneError
 from ..registering import handlers
 from ..runtime import model_cache, running
@@ -27,7 +27,7 @@ class Viewport:
     """What belongs to the engine that Blender has made for one viewport, and is freed with it."""
 
     def __init__(self, engine: bpy.types.RenderEngine) -> None:
-        threads.sleep_while_waiting()
+        process.prepare()
         engine_reference = weakref.ref(engine)
 
         def redraw() -> None:

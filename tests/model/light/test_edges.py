@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pixels that see several surfaces show the light of each, by how much of it they see and by its colour."""
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from renderformer_v2.model.geometry import area_vectors, unit
 from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.edges import _kink, find_edges
 from renderformer_v2.model.light_passes import LOBES
-from renderformer_v2.model.pictures import bands
 from renderformer_v2.model.scene import constant_tile
 from tests.model.samples import flat, floor_scene, floor_view
 
@@ -114,7 +112,7 @@ def test_where_the_tokens_are_not_what_is_seen_light_stays():
 def test_edges_of_a_large_picture_are_found_in_bands(monkeypatch):
     scene, view, guides, _ = floor_and_plate()
     whole = find_edges(scene, view, guides, CPU)
-    monkeypatch.setattr("renderformer_v2.model.light.edges.bands", partial(bands, pixels=5 * SIZE))
+    monkeypatch.setattr("renderformer_v2.model.light.edges.BAND_PIXELS", 5 * SIZE)
     parts = find_edges(scene, view, guides, CPU)
     assert len(whole.pixel) > SIZE and torch.equal(whole.pixel, parts.pixel)
     assert torch.equal(whole.neighbours, parts.neighbours)
