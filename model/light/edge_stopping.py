@@ -11,6 +11,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from .vectors import dot, length
+
 FARTHEST, NEAREST = 0.05, 2e-3  # network units off a plane at which a point counts 1/e, at most and at least
 CLOSE = 0.03                    # network units along the plane at which it counts 1/e
 TENT = 1 / 16, 1 / 4, 3 / 8, 1 / 4, 1 / 16  # weights of 5x5 points along each axis
@@ -25,18 +27,13 @@ def edge_weights(offset: Tensor, neighbour_normal: Tensor, normal: Tensor, toler
     offset and both normals: (3, ..., h, w). tolerance: (h, w), distance off a point's plane at which a neighbour counts
     1/e; close: the same of any distance, or of each point's (h, w).
     """
-    off = (dot(offset, normal) / tolerance).square_()
+    off = (dot(offset, normal, 0) / tolerance).square_()
     if close is not None:
-        off += dot(offset, offset) / close ** 2
-    facing = dot(neighbour_normal, normal).clamp_min_(0)
+        off += dot(offset, offset, 0) / close ** 2
+    facing = dot(neighbour_normal, normal, 0).clamp_min_(0)
     for _ in range(squarings):
         facing.square_()
     return facing * off.neg_().exp_()
-
-
-def dot(a: Tensor, b: Tensor) -> Tensor:
-    """(3, ...) each -> (...), without the products of a sum over the first axis, which take three times as long."""
-    return torch.addcmul(torch.addcmul(a[0] * b[0], a[1], b[1]), a[2], b[2])
 
 
 def plane_tolerance(x: Tensor, valid: Tensor) -> Tensor:
@@ -44,7 +41,7 @@ def plane_tolerance(x: Tensor, valid: Tensor) -> Tensor:
     apart = torch.full_like(x[0], FARTHEST)
     for axis in (-2, -1):
         low, high = (partial(torch.narrow, dim=axis, start=start, length=x.shape[axis] - 1) for start in (0, 1))
-        distance = (high(x) - low(x)).square().sum(0).sqrt().where(high(valid) & low(valid), FARTHEST)
+        distance = length(high(x) - low(x), 0).where(high(valid) & low(valid), FARTHEST)
         for end in (low, high):
             end(apart).clamp_(max=distance)
     return apart.clamp_min(NEAREST)

@@ -23,8 +23,9 @@ from ..pictures import bands
 from ..scene import Guides, RenderScene, View
 from .direct.direct_light import DirectLight
 from .direct.edge_samples import UnshadowedLight
-from .edge_stopping import dot, edge_weights, plane_tolerance
+from .edge_stopping import edge_weights, plane_tolerance
 from .hit_surfaces import HitSurfaces
+from .vectors import dot, length, unit
 
 NEIGHBOURS = tuple((y, x) for y in (-1, 0, 1) for x in (-1, 0, 1))  # rows and columns
 MIDDLE = NEIGHBOURS.index((0, 0))
@@ -104,7 +105,7 @@ def _kink(normal: Tensor, y: int, x: int) -> Tensor:
     So round surfaces have none, however strongly they are bent.
     """
     there = partial(torch.roll, dims=(-2, -1))
-    step = (there(normal, (-y, -x)) - normal).square().sum(0).sqrt()
+    step = length(there(normal, (-y, -x)) - normal, 0)
     return step - torch.maximum(there(step, (y, x)), there(step, (-y, -x)))
 
 
@@ -124,7 +125,7 @@ class _Picture:
         hit, smooth = guides.hit_triangle >= 0, np.zeros_like(guides.normal)
         weights = corner_weights(guides.hit_barycentric[hit])
         smooth[hit] = interpolated(weights, scene.normals[guides.hit_triangle[hit]])
-        normal, smooth = (F.normalize(_to_planes(normals, device), dim=0) for normals in (guides.normal, smooth))
+        normal, smooth = (unit(_to_planes(normals, device), 0) for normals in (guides.normal, smooth))
         return cls(position, normal, smooth, covered, plane_tolerance(position, covered))
 
     def edges(self) -> Tensor:
@@ -169,8 +170,8 @@ class _Picture:
         if light is not None:
             normal = normal[..., 0]
             gain = light.gain(position[..., 0], normal, neighbours, weight)
-            mean = F.normalize(normal.mean(-1), dim=0)
-            is_same = dot(mean, self.normal.flatten(1)[:, pixel[:, 0]]) > SAME_NORMAL
+            mean = unit(normal.mean(-1), 0)
+            is_same = dot(mean, self.normal.flatten(1)[:, pixel[:, 0]], 0) > SAME_NORMAL
             gain = F.pad(torch.where(is_same[:, None], gain, 1.0), (0, 0, 0, 0, 0, 3), value=1.0)
             direct = torch.einsum("cek,ekn->cen", sampled * gain, weight) + unseen
         return neighbours, share / total, direct / total

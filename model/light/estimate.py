@@ -32,6 +32,7 @@ from .separation import Separation
 from .specular.paths import blur
 from .specular.pixels import path_end_light, reflected_light, refracted_light
 from .surface_light import SurfaceLight
+from .vectors import dot
 
 BEYOND = 4.0           # network units from a camera that sees nothing: no medium is farther off
 BANDS = 0.95           # of the work, before edges
@@ -165,7 +166,7 @@ def _glow(direct: DirectLight, surfaces: HitSurfaces) -> Tensor:
     has_hit = surfaces.normal.square().sum(-1, keepdim=True) > 0.25
     origin = surfaces.origin.expand_as(surfaces.position)
     # Along the ray: where positions end, far away, they are beside it.
-    distance = ((surfaces.position - origin) * surfaces.rays).sum(-1, keepdim=True)
+    distance = dot(surfaces.position - origin, surfaces.rays)[..., None]
     end = origin + torch.where(has_hit, distance, BEYOND) * surfaces.rays
     return direct.in_scattering.towards_viewer(origin.flatten(0, 1), end.flatten(0, 1)).view_as(end)
 

@@ -13,6 +13,7 @@ from ..camera import view_rays_at
 from ..first_hits.hit_materials import hit_reflectances, hit_roughness, hit_translucence
 from ..scene import Guides, RenderScene, View
 from .fresnel import lobe_albedo
+from .vectors import dot, length
 
 LEANING = 0.2            # cosine up to which Cycles turns normals back
 RAISED = 0.1             # pixels that rays start off curved surfaces, below which the mean of a pixel's first hits lies
@@ -47,7 +48,7 @@ class HitSurfaces:
         roughness = to_tensor(hit_roughness(scene, guides))
         diffuse, glossy, transmission = map(
             to_tensor, (guides.diffuse_color, guides.glossy_color, guides.transmission_color))
-        f0 = _relative_f0(*map(to_tensor, hit_reflectances(scene, guides)), -(normal * rays).sum(-1), roughness)
+        f0 = _relative_f0(*map(to_tensor, hit_reflectances(scene, guides)), -dot(normal, rays), roughness)
         return cls(origin, rays, to_tensor(guides.position), normal, to_tensor(guides.alpha)[..., None].clamp(0, 1),
                    diffuse, glossy, transmission, roughness, f0,
                    diffuse.mean(-1) / glossy.mean(-1).clamp_min(1e-6),
@@ -58,11 +59,11 @@ class HitSurfaces:
     @property
     def rise(self) -> Tensor:
         """(h, W, 1) distance off the surface at which rays start, on either side."""
-        distance = (self.position - self.origin).norm(dim=-1, keepdim=True)
+        distance = length(self.position - self.origin)[..., None]
         if self.rays.shape[1] < 2:
             return torch.zeros_like(distance)
         origins, rays = (torch.diff(x.expand_as(self.rays)[:, :2], dim=1) for x in (self.origin, self.rays))
-        return RAISED * (origins + distance * rays).norm(dim=-1, keepdim=True)
+        return RAISED * length(origins + distance * rays)[..., None]
 
     @property
     def is_glass(self) -> Tensor:
@@ -73,7 +74,7 @@ class HitSurfaces:
     @property
     def is_toward(self) -> Tensor:
         """(h, W, 1) bool: not where smooth shading gives a face the normal of its back, and Cycles shows no gloss."""
-        return (self.normal * self.rays).sum(-1, keepdim=True) < LEANING
+        return dot(self.normal, self.rays)[..., None] < LEANING
 
     @property
     def is_covered(self) -> Tensor:

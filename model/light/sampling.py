@@ -6,7 +6,8 @@ import math
 
 import torch
 from torch import Tensor
-from torch.nn import functional as F
+
+from .vectors import dot, unit
 
 GOLDEN = (math.sqrt(5) - 1) / 2
 R2 = 0.7548776662, 0.5698402910  # steps of the R2 sequence (Roberts 2018)
@@ -47,16 +48,16 @@ def ggx_directions(normal: Tensor, outgoing: Tensor, roughness: Tensor, count: i
     alpha2, basis = alpha.square(), local_basis(normal)
     x, y, viewer = (basis @ outgoing[..., None])[..., 0].split(1, 1)
     viewer = viewer.abs().clamp_min(1e-3)
-    outgoing = F.normalize(torch.cat([x, y, viewer], 1), dim=1)[:, None]
+    outgoing = unit(torch.cat([x, y, viewer], 1))[:, None]
     stretch = torch.cat([alpha, alpha, torch.ones_like(alpha)], 1)[:, None]
-    seen_from = F.normalize(outgoing * stretch, dim=-1)  # by facets that are distributed as on a sphere
+    seen_from = unit(outgoing * stretch)  # by facets that are distributed as on a sphere
     k = torch.arange(count, device=normal.device)
     cosine = 1 - (k + start[:, :1]) / count * (1 + seen_from[..., 2])
     phi, sine = 2 * math.pi * ((k * GOLDEN + start[:, 1:]) % 1), (1 - cosine.square()).clamp_min(0).sqrt()
     facet = torch.stack([sine * phi.cos(), sine * phi.sin(), cosine], -1) + seen_from
-    facet = F.normalize(facet * stretch, dim=-1)
-    facet_cosine = (facet * outgoing).sum(-1).clamp_min(0)
-    direction = F.normalize(2 * facet_cosine[..., None] * facet - outgoing, dim=-1)
+    facet = unit(facet * stretch)
+    facet_cosine = dot(facet, outgoing).clamp_min(0)
+    direction = unit(2 * facet_cosine[..., None] * facet - outgoing)
     leaving, root = direction[..., 2].clamp_min(0), smith_root(viewer, alpha2)
     weight = leaving * (viewer + root) / (leaving * root + viewer * smith_root(leaving, alpha2)).clamp_min(1e-6)
     density = alpha2 / (2 * math.pi * (viewer + root) * (facet[..., 2].square() * (alpha2 - 1) + 1).square())

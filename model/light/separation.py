@@ -11,6 +11,7 @@ from torch import Tensor
 
 from .edge_stopping import edge_weights, plane_tolerance
 from .tensor_rays import TensorRays
+from .vectors import length
 
 SAME_SURFACE = 0.1  # edge weight from which on two pixels show one surface
 LIFT = 2e-3         # network units that rays start off their surface,
@@ -32,21 +33,20 @@ class Separation:
             between = walls.narrow(axis, 1, size)
             offset = there[0] - here[0]
             same = (edge_weights(offset, there[1], here[1], here[3]) > SAME_SURFACE) & here[2] & there[2]
-            length = offset[:, same].norm(dim=0)
-            lift = (LIFT + STEEPNESS * length) * here[1][:, same]
-            ray = offset[:, same].T / length.clamp_min(1e-9)[:, None]
-            between[same] = occluders.is_blocked((here[0][:, same] + lift).T, ray, length).to(walls.dtype)
+            distance = length(offset[:, same], 0)
+            lift = (LIFT + STEEPNESS * distance) * here[1][:, same]
+            ray = offset[:, same].T / distance.clamp_min(1e-9)[:, None]
+            between[same] = occluders.is_blocked((here[0][:, same] + lift).T, ray, distance).to(walls.dtype)
             self._walls.append(walls.cumsum(axis))
         self.exists = any(bool(walls.any()) for walls in self._walls)  # waits for a GPU
 
     def between(self, row: Tensor, column: Tensor, other_row: Tensor, other_column: Tensor) -> Tensor:
         """Bool of two pixels each, as their indices broadcast: walls are on both ways that turn once."""
         down, right = self._walls
+        here, across, below, there = (y * down.shape[1] + x for y in (row, other_row) for x in (column, other_column))
 
-        def differs(walls: Tensor, r: Tensor, c: Tensor, s: Tensor, d: Tensor) -> Tensor:
-            return walls[r, c] != walls[s, d]
-        across_first = (differs(right, row, column, row, other_column)
-                        | differs(down, row, other_column, other_row, other_column))
-        down_first = (differs(down, row, column, other_row, column)
-                      | differs(right, other_row, column, other_row, other_column))
+        def differs(walls: Tensor, a: Tensor, b: Tensor) -> Tensor:
+            return walls.take(a) != walls.take(b)
+        across_first = differs(right, here, across) | differs(down, across, there)
+        down_first = differs(down, here, below) | differs(right, below, there)
         return across_first & down_first

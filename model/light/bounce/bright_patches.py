@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..edge_stopping import dot
 from ..sampling import R2, triangle_weights
+from ..vectors import dot, unit
 
 FARTHEST = 1e6  # network units: no surface is farther off
 BRIGHT = 2.0    # times the mean radiance, from which on a patch is aimed at
@@ -49,7 +49,7 @@ class BrightPatches:
         u, v = ((k * step + start[:, 1:]) % 1 for step in R2)
         _, u, v = triangle_weights(u, v)[..., None].unbind(-2)
         target = self.origin[triangle] + u * self.edges[0][triangle] + v * self.edges[1][triangle]
-        return F.normalize(target - position[:, None], dim=-1), self._triangle[triangle]
+        return unit(target - position[:, None]), self._triangle[triangle]
 
     def density_by_angle(self, triangle: Tensor, direction: Tensor, distance: Tensor) -> Tensor:
         """(N,) density by solid angle with which `sample` aims along rays (N, 3) that hit triangles (N,).
@@ -57,7 +57,7 @@ class BrightPatches:
         One behind all is for rays that hit none.
         """
         row = self._row[triangle]
-        cosine = dot(self.normal.index_select(0, row).T, direction.T).abs().clamp_min(1e-6)
+        cosine = dot(self.normal.index_select(0, row), direction).abs().clamp_min(1e-6)
         return self.density.index_select(0, row) * distance.clamp(max=FARTHEST).square() / cosine
 
 

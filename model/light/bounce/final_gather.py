@@ -16,9 +16,9 @@ from ...surface_kinds import BENDING, SOLID, STRAIGHT_THROUGH, Kind, Ray
 from ..cutouts import Veils
 from ..direct.direct_light import DirectLight
 from ..direct.environment_light import LIFT, EnvironmentLight
-from ..edge_stopping import dot
 from ..sampling import hashed_starts
 from ..tensor_rays import TensorRays
+from ..vectors import dot
 from ..weighted_rows import weighted_rows
 from .bright_patches import BrightPatches
 from .panes import Panes
@@ -213,7 +213,7 @@ class GatherScene:
     def _sides(self, piece: Tensor, direction: Tensor) -> Tensor:
         """The same for the triangles (N,) of patches."""
         patch, count = self._seen[piece], self.count
-        is_back = dot(self._facing.index_select(0, piece).T, direction.T) > 0
+        is_back = dot(self._facing.index_select(0, piece), direction) > 0
         return torch.where(patch < count, patch + count * is_back, 2 * count)
 
     def reliability(self, gathered: Gathered, count: int) -> Tensor:

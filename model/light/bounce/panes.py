@@ -12,8 +12,8 @@ from ...scene import IOR, ROUGHNESS, RenderScene, tile_tints
 from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, Ray
 from ..direct.environment_light import BLUR, EnvironmentLight
-from ..edge_stopping import dot
 from ..tensor_rays import TensorRays
+from ..vectors import dot
 
 SURFACES = 4          # of glass that dim a ray
 ENTERING, LEAVING, THROUGH_BACK = range(3)
@@ -81,7 +81,7 @@ class Panes:
                 is_inside = torch.zeros_like(to_sky)
             else:
                 row = row[hit]
-            cosine, token = dot(self._normal[pane].T, direction.T), self._token[pane]
+            cosine, token = dot(self._normal[pane], direction), self._token[pane]
             leaves = cosine > 0
             case = torch.where(leaves, torch.where(is_inside[row], THROUGH_BACK, LEAVING), ENTERING)
             passes = self._transmittance[token, case] ** (1 + (1 - cosine.abs()).square())  # less at grazing angles
@@ -96,8 +96,8 @@ class Panes:
     def _near_glass(self, origin: Tensor, direction: Tensor, distance: Tensor) -> Tensor:
         """(N,) bool: rays that hit the sphere around all glass, as few do where that is a ball in a room."""
         to_center = self.center - origin
-        along = dot(to_center.T, direction.T)
-        aside2 = dot(to_center.T, to_center.T) - along.square()
+        along = dot(to_center, direction)
+        aside2 = dot(to_center, to_center) - along.square()
         return (aside2 <= self.radius ** 2) & (along >= -self.radius) & (along - self.radius < distance)
 
 

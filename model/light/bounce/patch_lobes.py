@@ -10,9 +10,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..edge_stopping import dot
 from ..fresnel import lobe_albedo, slant
 from ..sampling import smith_root
+from ..vectors import dot
 
 LEAST_COSINE = 0.05  # of light to a patch
 
@@ -26,7 +26,7 @@ class PatchLobes:
         """
         concentration = toward.norm(dim=-1).clamp(max=1)
         direction = F.normalize(toward, dim=-1).T
-        cosine = dot(direction, normal.T).clamp_min(LEAST_COSINE)
+        cosine = dot(direction, normal.T, 0).clamp_min(LEAST_COSINE)
         alpha2 = roughness.square().square()
         scale = concentration / (2 * lobe_albedo(f0, cosine, roughness))
         self._parts = F.pad(torch.stack([*normal.T, *direction, cosine, smith_root(cosine, alpha2), alpha2, f0, scale,
@@ -40,10 +40,10 @@ class PatchLobes:
         parts = self._parts.index_select(1, side)
         normal, direction = parts[:3], parts[3:6]
         before, root_before, alpha2, f0, scale, concentration = parts[6:]
-        after = dot(normal, ray).neg_().clamp_min_(0)
+        after = dot(normal, ray, 0).neg_().clamp_min_(0)
         half = direction - ray
-        length2 = dot(half, half).clamp_min_(1e-6)
-        facet2 = dot(normal, half).square_() / length2     # squared cosine of facets
+        length2 = dot(half, half, 0).clamp_min_(1e-6)
+        facet2 = dot(normal, half, 0).square_() / length2     # squared cosine of facets
         facing = length2.sqrt_() / 2                       # cosine of light on them
         reflectance = torch.lerp(slant(facing), torch.ones_like(f0), f0)
         shape = alpha2 / (facet2 * (alpha2 - 1) + 1).square_()

@@ -17,10 +17,10 @@ from ...shading import surface
 from ...surface_kinds import Ray
 from ..direct.direct_light import DirectLight
 from ..direct.environment_light import LIFT
-from ..edge_stopping import dot
 from ..sampling import hashed_starts
 from ..specular.paths import PURE, SMOOTH
 from ..tensor_rays import TensorHits, TensorRays
+from ..vectors import dot
 
 
 class Mirrored(NamedTuple):
@@ -62,7 +62,7 @@ class PolishedMetal:
         point = origin + distance[:, None] * direction
         normal, texel = self._surface(hits.triangle[row], point, direction)
         color, roughness = texel[:, BASE_COLOR], texel[:, ROUGHNESS]
-        onward = direction - 2 * dot(direction.T, normal.T)[:, None] * normal
+        onward = direction - 2 * dot(direction, normal)[:, None] * normal
         begin = point + LIFT * normal
         found = self._surfaces.nearest(begin, onward)
         sky = torch.zeros_like(color)

@@ -23,6 +23,7 @@ from ..media.in_scattering import InScattering
 from ..media.transmittance import fog_of
 from ..sampling import hashed_starts
 from ..tensor_rays import TensorRays
+from ..vectors import dot
 from .emitter_light import EmitterLight
 from .environment_light import EnvironmentLight, SkyVisibility
 
@@ -195,7 +196,7 @@ class DirectLight:
                *rest: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         visible, footprint = LobeVisibility(*rest[:5]), rest[5:]
         has_normal = (n.square().sum(-1, keepdim=True) > 0.25).float()
-        cosine = (n * v).sum(-1, keepdim=True)
+        cosine = dot(n, v)[:, None]
         diffuse, glossy = self.emitters.lobes(x, n, v, roughness, f0, *footprint)
         diffuse, glossy = diffuse * visible.emitters, glossy * visible.glossy_emitters
         transmitted = torch.zeros_like(diffuse)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor
-from torch.nn import functional as F
 
 from ..hit_surfaces import HitSurfaces
+from ..vectors import unit
 from .direct_light import DirectLight
 from .footprints import footprints
 
@@ -35,7 +35,7 @@ class UnshadowedLight:
         x, n = (values.flatten(1).T for values in (position, normal))
         roughness, f0 = (torch.einsum("ekn,en->ek", weight, values[neighbours]).flatten()
                          for values in self._points[3:])
-        at_samples = self._lobes(x, n, F.normalize(self._origin - x, dim=-1), roughness, f0).view_as(around)
+        at_samples = self._lobes(x, n, unit(self._origin - x), roughness, f0).view_as(around)
         return ((at_samples + DARK) / (around + DARK)).clamp(max=MOST_GAIN)
 
     def _lobes(self, *points: Tensor) -> Tensor:

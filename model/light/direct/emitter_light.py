@@ -25,6 +25,7 @@ from ..fresnel import gain
 from ..media.transmittance import Fog
 from ..sampling import R2, disk_points, hashed_starts, local_basis, triangle_weights
 from ..tensor_rays import TensorRays
+from ..vectors import dot, length, unit
 from .emitters import DISTANT, Limits, gather_emitters
 from .environment_light import LIFT
 from .footprints import mirrored_turn2, points_within
@@ -186,13 +187,13 @@ class EmitterLight:
         point, emitter = is_lit.nonzero().unbind(1)
         origin, is_near = x[point], ~self.is_distant[emitter, None]
         ray = self._points_on(emitter, direction[:, point, emitter].T, start[point]) - origin * is_near
-        length = ray.norm(dim=-1)
-        ray, end = ray / length.clamp_min(1e-9)[:, None], length - END_GAP
+        distance = length(ray)
+        ray, end = ray / distance.clamp_min(1e-9)[:, None], distance - END_GAP
         is_blocked = self._is_blocked(emitter, origin, ray, end)
         if self._shells is not None:
-            inside = (~is_blocked & ((self._outward[emitter] * ray).sum(-1) > 0)).nonzero()[:, 0]
+            inside = (~is_blocked & (dot(self._outward[emitter], ray) > 0)).nonzero()[:, 0]
             is_blocked[inside] = self._shells.is_blocked(
-                *(rays[inside] for rays in (origin, ray, length - self.reach[emitter])))
+                *(rays[inside] for rays in (origin, ray, distance - self.reach[emitter])))
         arrives = 1.0 * ~is_blocked[:, None]
         if self._cutouts is not None:
             arrives = arrives * self._cutouts.transmittance(origin, ray, end * arrives[:, 0])
@@ -273,7 +274,7 @@ class EmitterLight:
         power, emitter = (form_factor * self._to_diffuse.mean(1)).topk(min(STRONGEST, len(self)), dim=1)
         point = torch.arange(len(x), device=x.device)[:, None]
         complete = (form_factor @ self._to_diffuse + other).clamp_min(1e-12)
-        distance = (self.origins[emitter] - x[:, None]).norm(dim=-1)
+        distance = length(self.origins[emitter] - x[:, None])
         nearness = ~self.is_distant[emitter] / (1 + distance)
         share = form_factor[point, emitter][..., None] * self._to_diffuse[emitter] / complete[:, None]
         parts = {"toward": direction[:, point, emitter].movedim(0, -1), "nearness": nearness[..., None],
@@ -300,7 +301,8 @@ class EmitterLight:
         """(P, E) share of the emitters' radiance that a white glossy lobe sends on; directions as of `_directions`."""
         facets = facet_cosines(direction, n, v)
         share = small_emitter_share(facets, sine2, roughness, f0)
-        distance2 = (self.origins.T[:, None] - x.T[..., None] * ~self.is_distant).square().sum(0)
+        to_emitter = self.origins.T[:, None] - x.T[..., None] * ~self.is_distant
+        distance2 = dot(to_emitter, to_emitter, 0)
         size2 = self.reach.square() / distance2.clamp_min(1e-20)
         if footprint is None:
             is_exact = ~is_small(facets, size2, roughness)
@@ -333,7 +335,7 @@ class EmitterLight:
         shares = []
         for change in points_within(footprint):
             x, n, v = (surface + change).split(3, 1)
-            shares.append(share(x, F.normalize(n, dim=1), F.normalize(v, dim=1)))
+            shares.append(share(x, unit(n), unit(v)))
         return sum(shares) / len(shares)
 
     def _outlines(self, x: Tensor, emitter: Tensor) -> Tensor:
@@ -345,8 +347,8 @@ class EmitterLight:
             vectors = self.rings[emitter.clamp(max=polygons - 1)] - origin[:, None]
         radius = F.pad(self.radii, (polygons, 0))[emitter]
         sphere = self.origins[emitter] - origin
-        across = radius / (sphere.square().sum(1) - radius.square()).clamp_min(1e-12).sqrt()
-        towards = F.normalize(sphere, dim=1)
+        across = radius / (dot(sphere, sphere) - radius.square()).clamp_min(1e-12).sqrt()
+        towards = unit(sphere)
         around = torch.from_numpy(CIRCLE).to(x.device) @ local_basis(towards)[:, :2]
         of_sphere = towards[:, None] + across[:, None, None] * around
         return torch.where((emitter < polygons)[:, None, None], vectors, of_sphere).permute(1, 2, 0).contiguous()

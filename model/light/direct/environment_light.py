@@ -23,6 +23,7 @@ from ..fresnel import schlick
 from ..media.transmittance import Fog
 from ..sampling import cosine_directions, ggx_directions, local_basis
 from ..tensor_rays import TensorRays
+from ..vectors import dot
 
 ROUGHNESS_LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
 BLUR = 0.3                            # roughness at which one of many rays reads the map
@@ -96,7 +97,7 @@ class EnvironmentLight:
 
         normal, outgoing: (P, 3), unit; roughness (perceptual), f0: (P,).
         """
-        mirrored = 2 * (normal * outgoing).sum(-1, keepdim=True) * normal - outgoing
+        mirrored = 2 * dot(normal, outgoing)[..., None] * normal - outgoing
         radiance = self.filtered(mirrored, roughness)
         wide = (roughness > POLISHED).nonzero()[:, 0]
         if self.is_uniform or not len(wide):

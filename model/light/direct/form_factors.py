@@ -13,6 +13,8 @@ import math
 import torch
 from torch import Tensor
 
+from ..vectors import cross, dot, length, unit
+
 BLUR = 1.25  # of beams by emitters, which reaches the middle of the next one of a grid of them
 
 
@@ -21,27 +23,27 @@ def polygon_directions(corners: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
 
     By Lambert's formula, from both sides of the polygons.
     """
-    rays = [unit_planes(corner[:, None] - x) for corner in corners.permute(1, 2, 0)]
+    rays = [unit(corner[:, None] - x, 0) for corner in corners.permute(1, 2, 0)]
     vector = torch.zeros_like(x)
     for ray, following in zip(rays, (*rays[1:], *rays[:1]), strict=True):
-        edge = torch.linalg.cross(ray, following, dim=0)
-        sine = edge.square().sum(0).sqrt()
-        vector += edge * (torch.atan2(sine, _dot(ray, following)) / sine.clamp_min(1e-6))
-    length = vector.square().sum(0).sqrt()
-    facing = _dot(vector, sum(rays)).sign()
-    return vector * (facing / length.clamp_min(1e-19)), length / (2 * math.pi)
+        edge = cross(ray, following, 0)
+        sine = length(edge, 0)
+        vector += edge * (torch.atan2(sine, dot(ray, following, 0)) / sine.clamp_min(1e-6))
+    size = length(vector, 0)
+    facing = dot(vector, sum(rays), 0).sign()
+    return vector * (facing / size.clamp_min(1e-19)), size / (2 * math.pi)
 
 
 def sphere_directions(centers: Tensor, radii: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
     """The same of spheres, centers (E, 3), radii (E,)."""
     ray = centers.T[:, None] - x
-    distance2 = ray.square().sum(0)
+    distance2 = dot(ray, ray, 0)
     return ray / distance2.clamp_min(1e-20).sqrt(), radii**2 / torch.maximum(distance2, radii**2)
 
 
 def cosines(direction: Tensor, vector: Tensor) -> Tensor:
     """(P, E) of directions (3, P, E) and vectors (P, 3) of the points."""
-    return _dot(direction, vector.T[..., None])
+    return dot(direction, vector.T[..., None], 0)
 
 
 def beam(direction: Tensor, sine2: Tensor, axis: Tensor, cosine: Tensor) -> Tensor:
@@ -53,7 +55,7 @@ def beam(direction: Tensor, sine2: Tensor, axis: Tensor, cosine: Tensor) -> Tens
     """
     rim, core = cosine.unbind(1)
     wider = 1 + BLUR * sine2 * rim.clamp_min(0) / (1 - rim).clamp_min(1e-6)
-    toward = -_dot(direction, axis.T[:, None])
+    toward = -dot(direction, axis.T[:, None], 0)
     t = (toward - rim + (1 - toward) * (1 - 1 / wider)) / (core - rim).clamp_min(1e-6)
     t = t.clamp(0, 1)
     return (t * t * (3 - 2 * t) / wider).where(axis.square().sum(-1) > 0.25, 1.0)
@@ -70,12 +72,3 @@ def sphere_form_factor(cosine: Tensor, sine2: Tensor) -> Tensor:
     edge = (-cosine * ((1 - sine2) / (sine2 * (1 - cosine.square())).clamp_min(1e-12)).sqrt()).clamp(-1, 1)
     partial = (sine2 * cosine * torch.acos(edge) - root + torch.atan(cut.sqrt() / (1 - sine2).sqrt())) / math.pi
     return torch.where(cut > 0, partial.clamp_min(0), above)
-
-
-def unit_planes(vectors: Tensor, dim: int = 0) -> Tensor:
-    """Vectors of length 1 along others, whose components are along a dimension."""
-    return vectors / vectors.square().sum(dim, keepdim=True).sqrt().clamp_min(1e-12)
-
-
-def _dot(a: Tensor, b: Tensor) -> Tensor:
-    return (a * b).sum(0)

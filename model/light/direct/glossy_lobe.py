@@ -10,15 +10,17 @@ of the mean facet. R pairs of points and emitters; vectors are planes (3, R).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from ..edge_stopping import dot
 from ..fresnel import lobe_albedo, schlick
 from ..sampling import local_basis, smith_root
-from .form_factors import cosines, unit_planes
+from ..vectors import cross, dot, length, unit
+from .form_factors import cosines
 
 LEAST_ROUGHNESS = 0.02
 HORIZON = 4             # edges that follow the horizon where it cuts an outline
@@ -38,7 +40,7 @@ class FacetCosines(NamedTuple):
 
 def facet_cosines(direction: Tensor, n: Tensor, v: Tensor) -> FacetCosines:
     """FacetCosines of emitters in unit `direction` (3, P, E); n and v: (P, 3)."""
-    n_l, n_v = cosines(direction, n), (n * v).sum(-1, keepdim=True)
+    n_l, n_v = cosines(direction, n), dot(n, v)[:, None]
     half = (2 + 2 * cosines(direction, v)).clamp_min(1e-6).sqrt()
     return FacetCosines((n_l + n_v) / half, half / 2, n_l, n_v)
 
@@ -70,12 +72,12 @@ def emitter_share(ring: Tensor, n: Tensor, v: Tensor, roughness: Tensor, f0: Ten
     """(R,) the same of emitters seen along rings of vectors (K, 3, R); n, v: (3, R); roughness, f0: (R,)."""
     basis, alpha = local_basis(n.T), _alpha(roughness)
     ring, v = (torch.einsum("rij,...jr->...ir", basis, x) for x in (ring, v))
-    v = unit_planes(torch.stack([v[0], v[1], v[2].abs().clamp_min(LEAST_COSINE)]))
-    facets = _shown_facets(unit_planes(ring, 1), v, alpha)
+    v = unit(torch.stack([v[0], v[1], v[2].abs().clamp_min(LEAST_COSINE)]), 0)
+    facets = _shown_facets(unit(ring, 1), v, alpha)
     facets = facets * facets[2].sign()  # of an emitter whose back is seen
     shown = (facets[2] / (2 * math.pi)).clamp(0, 1)
-    half = unit_planes(torch.stack([facets[0] * alpha, facets[1] * alpha, facets[2].clamp_min(1e-9)]))  # their mean
-    v_h = dot(half, v).clamp_min(0)
+    half = unit(torch.stack([facets[0] * alpha, facets[1] * alpha, facets[2].clamp_min(1e-9)]), 0)  # their mean
+    v_h = dot(half, v, 0).clamp_min(0)
     share = shown * _unmasked(alpha.square(), v[2], 2 * v_h * half[2] - v[2]) * v_h / half[2].clamp_min(LEAST_COSINE)
     return share * _relative_fresnel(f0, v[2], v_h[:, None], roughness)[:, 0]
 
@@ -85,33 +87,50 @@ def _shown_facets(ring: Tensor, v: Tensor, alpha: Tensor) -> Tensor:
 
     Its z is 2 pi times their share of the area that all facets show; across, the surface is stretched to alpha = 1.
     """
-    mirrored = torch.stack([-v[0], -v[1], v[2]])
+    shown, is_up = torch.zeros_like(v), ring[:, 2] > 0
+    for where, within in ((is_up.all(0), _within_ring), (is_up.any(0) & ~is_up.all(0), _within_cut_ring)):
+        row = where.nonzero()[:, 0]
+        if len(row):
+            shown[:, row] = within(ring[..., row], partial(_mirroring_facets, v[:, row], alpha[row]))
+    return shown
+
+
+def _mirroring_facets(v: Tensor, alpha: Tensor, towards: Tensor) -> Tensor:
+    """(K, 3, R) unit normals of the facets that mirror unit vectors (K, 3, R) to the viewer, stretched."""
     # Along great circles h = l + v follows none. It does if l ends on the plane across the mirrored direction, which is
     # the same where smooth surfaces show anything.
     straight = ((ROUGH - alpha) / (ROUGH - SMOOTH)).clamp(0, 1)
+    mirrored = torch.stack([-v[0], -v[1], v[2]])
+    on_plane = 1 / dot(towards, mirrored[None], 1)[:, None].clamp_min(0.5)
+    half = towards * torch.lerp(torch.ones_like(on_plane), on_plane, straight) + v
+    return unit(torch.cat([half[:, :2], half[:, 2:] * alpha], 1), 1)
 
-    def facets(towards: Tensor) -> Tensor:
-        on_plane = 1 / (towards * mirrored).sum(1, keepdim=True).clamp_min(0.5)
-        half = towards * torch.lerp(torch.ones_like(on_plane), on_plane, straight) + v
-        return unit_planes(torch.cat([half[:, :2], half[:, 2:] * alpha], 1), 1)
 
+def _within_ring(ring: Tensor, facets: Callable[[Tensor], Tensor]) -> Tensor:
+    """(3, R) Lambert's vector of the `facets` for a ring."""
+    corners = facets(ring)
+    return _arcs(corners, corners.roll(-1, 0)).sum(0)
+
+
+def _within_cut_ring(ring: Tensor, facets: Callable[[Tensor], Tensor]) -> Tensor:
+    """The same where the horizon cuts the ring: edges end there, and others follow it from the first to the last."""
     following = ring.roll(-1, 0)
     z, next_z = ring[:, 2:], following[:, 2:]
     is_up, next_is_up = z > 0, next_z > 0
-    crossing = unit_planes(ring + (following - ring) * z / torch.where(is_up == next_is_up, 1.0, z - next_z), 1)
+    crossing = unit(ring + (following - ring) * z / torch.where(is_up == next_is_up, 1.0, z - next_z), 1)
     edges = _arcs(facets(torch.where(is_up, ring, crossing)), facets(torch.where(next_is_up, following, crossing)))
     sinks, rises = is_up & ~next_is_up, ~is_up & next_is_up
     first, last = ((crossing * where).sum(0) for where in (sinks, rises))
     steps = torch.linspace(0, 1, HORIZON + 1, device=ring.device)[:, None, None]
-    horizon = facets(unit_planes(torch.lerp(first, last, steps), 1))
-    return (edges * (is_up | next_is_up)).sum(0) + _arcs(horizon[:-1], horizon[1:]).sum(0) * sinks.any(0)
+    horizon = facets(unit(torch.lerp(first, last, steps), 1))
+    return (edges * (is_up | next_is_up)).sum(0) + _arcs(horizon[:-1], horizon[1:]).sum(0)
 
 
 def _arcs(a: Tensor, b: Tensor) -> Tensor:
     """(K, 3, R) of Lambert's formula for edges from unit vectors a to b (K, 3, R)."""
-    cross = torch.linalg.cross(a, b, dim=1)
-    sine = cross.square().sum(1, keepdim=True).sqrt()
-    return torch.atan2(sine, (a * b).sum(1, keepdim=True)) / sine.clamp_min(1e-12) * cross
+    across = cross(a, b, 1)
+    sine = length(across, 1)
+    return (torch.atan2(sine, dot(a, b, 1)) / sine.clamp_min(1e-12))[:, None] * across
 
 
 def _unmasked(alpha2: Tensor, n_v: Tensor, n_l: Tensor) -> Tensor:

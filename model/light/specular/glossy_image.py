@@ -14,8 +14,9 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..chunks import in_chunks
-from ..edge_stopping import dot, neighbour_numbers, plane_tolerance
+from ..edge_stopping import neighbour_numbers, plane_tolerance
 from ..hit_surfaces import HitSurfaces
+from ..vectors import cross, dot, length, unit
 from ..weighted_rows import weighted_rows
 from .paths import BLURRED, LEAST_GLOSSY
 
@@ -65,13 +66,13 @@ class _Lobes:
     def of(cls, surfaces: HitSurfaces, end: Tensor, is_end: Tensor, is_followed: Tensor) -> _Lobes:
         x, n, rays, end = (picture.permute(2, 0, 1).contiguous() for picture in (
             surfaces.position, surfaces.normal, surfaces.rays, end))
-        cosine = -dot(n, rays)
+        cosine = -dot(n, rays, 0)
         along = rays + 2 * cosine * n
         distance = torch.where(is_end[..., 0], (end - x).square().sum(0).sqrt(), FAR)
-        size = ((surfaces.position - surfaces.origin).norm(dim=-1) + distance).square() * is_followed
-        across = F.normalize(torch.linalg.cross(n, along, dim=0), dim=0)
+        size = (length(surfaces.position - surfaces.origin) + distance).square() * is_followed
+        across = unit(cross(n, along, 0), 0)
         width = WIDTH * surfaces.roughness.clamp_min(SMOOTH).square()
-        in_plane = torch.linalg.cross(along, across, dim=0) / width
+        in_plane = cross(along, across, 0) / width
         across = across / (width * cosine.clamp_min(GRAZING))
         upward = n / plane_tolerance(x, surfaces.is_covered[..., 0])
         return cls(torch.cat([x, n, x + distance * along, size[None]]).flatten(1),
@@ -89,8 +90,8 @@ class _Lobes:
         off, depth2 = self._off(row, number)
         x, n = self.place[:6, row, None].split(3)
         there, normal = self.place[:6, number].split(3)
-        off = off + dot(there - x, self.axes[9:, row, None]).square()
-        off = off + dot(normal - n, normal - n) / self.width2[row, None]  # paths of other facets end elsewhere
+        off = off + dot(there - x, self.axes[9:, row, None], 0).square()
+        off = off + dot(normal - n, normal - n, 0) / self.width2[row, None]  # paths of other facets end elsewhere
         return number, tent * (-off).exp() * self.place[9, number] / depth2
 
     def _off(self, row: Tensor, number: Tensor) -> tuple[Tensor, Tensor]:
@@ -98,5 +99,5 @@ class _Lobes:
         their squared depth."""
         toward = self.place[6:9, number] - self.place[:3, row, None]
         in_plane, across, along = self.axes[:9, row, None].split(3)
-        depth2 = dot(toward, along).clamp_min(1e-6).square()
-        return (dot(toward, in_plane).square() + dot(toward, across).square()) / depth2, depth2
+        depth2 = dot(toward, along, 0).clamp_min(1e-6).square()
+        return (dot(toward, in_plane, 0).square() + dot(toward, across, 0).square()) / depth2, depth2

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn import functional as F
 
 from ...scene import Guides
 from ..direct.direct_light import DirectLight
@@ -15,6 +14,7 @@ from ..fresnel import lobe_albedo
 from ..hit_surfaces import HitSurfaces, tensors_on
 from ..probes import Probes
 from ..sampling import r2_starts
+from ..vectors import dot, unit
 from .frosted import frosted
 from .glossy_image import blurred_image
 
@@ -76,7 +76,7 @@ def path_end_light(make_probes: Callable[..., Probes], outgoing: Callable[..., d
         return {}, to_tensor(np.zeros_like(guides.alpha))[..., None] > 0
     position, normal, color = map(to_tensor, arrays)
     is_lit = color.amax(-1, keepdim=True) > 0
-    probes = make_probes(position, F.normalize(normal, dim=-1), is_lit)
+    probes = make_probes(position, unit(normal), is_lit)
     light = probes.interpolate(outgoing, filters=filters)
     return {kind: radiance * color for kind, radiance in light.items()}, (normal != 0).any(-1, keepdim=True)
 
@@ -88,7 +88,7 @@ def mirrored_highlights(guides: Guides, surfaces: HitSurfaces, direct: DirectLig
     The lobe of that is as much wider as the surface's own is.
     """
     def widened(at: tuple[Tensor, Tensor], x: Tensor, n: Tensor, roughness: Tensor) -> tuple[Tensor, Tensor]:
-        return F.normalize(surfaces.position[at] - x, dim=-1), (roughness ** 4 + surfaces.roughness[at] ** 4) ** 0.25
+        return unit(surfaces.position[at] - x), (roughness ** 4 + surfaces.roughness[at] ** 4) ** 0.25
 
     return _highlights(guides, lobe, direct, widened)
 
@@ -110,11 +110,11 @@ def _highlights(guides: Guides, lobe: str, direct: DirectLight,
     position, normal, color, roughness = (
         to_tensor(getattr(guides, f"{lobe}_{kind}")) for kind in ("position", "normal", "color", "roughness"))
     at = (color.amax(-1) > 0).nonzero().unbind(1)
-    x, n = position[at], F.normalize(normal[at], dim=-1)
+    x, n = position[at], unit(normal[at])
     viewer, width = gloss_at(at, x, n, roughness[at][:, 0])
     f0, share = torch.ones_like(width), color[at]
     if lobe == "layer":
         f0 = to_tensor(guides.layer_f0)[at][:, 0]
-        share = share * lobe_albedo(f0, (n * viewer).sum(-1), width)[:, None]
+        share = share * lobe_albedo(f0, dot(n, viewer), width)[:, None]
     start = r2_starts(torch.arange(RAYS * len(x), device=x.device)).view(-1, RAYS, 2)
     return highlights.index_put(at, direct.highlights(x, n, start, viewer, width, f0) * share)
