@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from .pictures import HALF_MAX, bands, box_means
+from .progress import steps
 from .scene import Guides
 
 LOBES = ("diffuse", "glossy", "transmission")
@@ -86,7 +87,7 @@ def light_passes(guides: Guides, lobes: Lobes, sampled: dict[str, np.ndarray],
     """
     parts = [{name: light[inner] for name, light in _light_passes(
         guides.rows(outer), lobes.rows(outer), {name: x[outer] for name, x in sampled.items()}, volumes).items()}
-        for outer, inner in bands(*guides.alpha.shape, margin=RADIUS)]
+        for outer, inner in steps(bands(*guides.alpha.shape, margin=RADIUS))]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 

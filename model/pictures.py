@@ -4,11 +4,7 @@ a large picture costs little more memory than a small one.
 """
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
-
-from .progress import report
 
 BAND_PIXELS = 1 << 18  # of a band, and so between two checks of the Esc key
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of scene-linear RGB
@@ -29,17 +25,16 @@ def box_means(x: np.ndarray, radius: int) -> np.ndarray:
     return box_sums(x, radius) / box_sums(np.ones((*x.shape[:2], *[1] * (x.ndim - 2)), x.dtype), radius)
 
 
-def bands(height: int, width: int, margin: int, pixels: int = 0, multiple: int = 1) -> Iterator[tuple[slice, slice]]:
+def bands(height: int, width: int, margin: int, pixels: int = 0, multiple: int = 1) -> list[tuple[slice, slice]]:
     """For each band: its rows with `margin` more on either side, as far as there are, and which of those are its own.
 
     pixels: of a band without its margins, BAND_PIXELS for 0. multiple: the first row of a band is a multiple of it.
-    Reports progress, which may cancel.
     """
-    rows = max((pixels or BAND_PIXELS) // width // multiple, 1) * multiple
+    rows, result = max((pixels or BAND_PIXELS) // width // multiple, 1) * multiple, []
     for begin in range(0, height, rows):
-        report(begin / height)
         first, end = max(begin - margin, 0), min(begin + rows, height)
-        yield slice(first, min(end + margin, height)), slice(begin - first, end - first)
+        result.append((slice(first, min(end + margin, height)), slice(begin - first, end - first)))
+    return result
 
 
 def srgb_to_linear(encoded: np.ndarray) -> np.ndarray:

@@ -89,6 +89,22 @@ def shared(function: Callable, *columns: Sequence, device=None) -> list:
         torch.set_num_threads(threads)  # new threads inherit the last number that was set
 
 
+@contextmanager
+def undivided_operations():
+    """Inside, PyTorch does not divide operations of this thread, but `shared` rows are those of its whole team.
+
+    For small operations: to wake a thread that sleeps takes longer than it saves. May decorate a function.
+    """
+    import torch
+    threads = torch.get_num_threads()
+    with _Team.of_this_thread(threads).worked_in():
+        torch.set_num_threads(1)
+        try:
+            yield
+        finally:
+            torch.set_num_threads(threads)
+
+
 def spread(function: Callable, rows: Sequence[tuple]) -> list:
     """[function(*row) for row in rows] on as many threads as this one's team has, for functions without PyTorch.
 
@@ -117,7 +133,7 @@ class _Team:
         def help_out():
             try:
                 begin()
-                with self._worked_in(), reporting(work.check):
+                with self.worked_in(), reporting(work.check):
                     work.do()
             except BaseException as error:  # said by the thread that waits
                 work.fail(error)
@@ -131,7 +147,7 @@ class _Team:
 
         try:
             begin()
-            with self._worked_in():
+            with self.worked_in():
                 work.do(ask_for_help)
                 self._leave()  # others may work while this thread waits
                 try:
@@ -150,7 +166,8 @@ class _Team:
         return work.results()
 
     @contextmanager
-    def _worked_in(self):
+    def worked_in(self):
+        """Inside, what this thread shares, it shares with the team."""
         before, _this.team = getattr(_this, "team", None), self
         try:
             yield

@@ -12,6 +12,7 @@ from ..network.config import ModelConfig
 from ..network.embedding import ENVIRONMENT_GRID
 from ..network.layers import Linear, RMSNorm
 from ..pictures import bands
+from ..progress import steps
 from ..scene import HEIGHT, NORMAL
 from .features import FEATURES, GuidedView
 
@@ -110,8 +111,8 @@ class Guidance(nn.Module):
         """(V, R, D), added to the ray tokens."""
         views, _, height, width = view.surface.shape
         pixels = BAND_PIXELS // views if is_inference() else height * width
-        return torch.cat([self._embed(view.features(rows)) for rows, _ in bands(
-            height, width, margin=0, pixels=pixels, multiple=self.patch_size)], 1)
+        return torch.cat([self._embed(view.features(rows)) for rows, _ in steps(bands(
+            height, width, margin=0, pixels=pixels, multiple=self.patch_size))], 1)
 
     def _embed(self, band: Tensor) -> Tensor:
         patches = F.pixel_unshuffle(band, self.patch_size)

@@ -13,9 +13,10 @@ from torch.nn import functional as F
 
 from ..camera import extend_sides
 from ..compute.inference import current_pieces
+from ..compute.threads import shared
 from ..fields import COLOR, DIRECTION, Channels
 from ..light_passes import Lobes
-from ..pictures import BAND_PIXELS, bands
+from ..pictures import bands
 from ..scene import Guides
 from .exposure import display_encode, key_exposure
 from .features import SAMPLES, SURFACE, GuidedView, noise_of, samples_of
@@ -27,6 +28,7 @@ INPUTS = Channels(1, image=(3, COLOR), emission=(3, COLOR), traced=(3, COLOR), c
 RADIUS = 2                         # pixels, of a kernel
 WEIGHTS = (2 * RADIUS + 1) ** 2    # row by row
 CENTER = WEIGHTS // 2
+BAND_PIXELS = 1 << 17              # filtered at a time by each thread
 CENTER_LOGIT = 20.0                        # of the center, that leaves no weight for the others
 BRIGHT = 0.05                       # emission of an emitter's pixel, in the exposure of the picture
 LEAST_WEIGHT = 2e-3                       # smaller weights become 0: a neighbour may be a thousand times brighter
@@ -111,22 +113,26 @@ def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], lob
     reach = RADIUS + predictor.reach
     if wraps:
         wide = lambda picture: extend_sides(picture, reach, reach, wraps)  # noqa: E731
-        filtered = antialiased(
+        widened = antialiased(
             predictor, {key: wide(picture) for key, picture in pictures.items()},
             Lobes(wide(lobes.radiance), latent=None if lobes.latent is None else wide(lobes.latent)),
             Guides(**{key: wide(guide) for key, guide in guides.arrays().items()}))
-        return {key: picture[:, reach:-reach] for key, picture in filtered.items()}
-    device, filtered = predictor.enter.weight.device, []
+        return {key: picture[:, reach:-reach] for key, picture in widened.items()}
+    device, (height, width) = predictor.enter.weight.device, guides.alpha.shape
     exposure = float(key_exposure(torch.from_numpy((lobes.radiance + guides.environment).mean(-1).ravel())))
-    for outer, inner in bands(*guides.alpha.shape, margin=reach, pixels=current_pieces().limit(BAND_PIXELS)):
+
+    def filtered(outer: slice, inner: slice) -> np.ndarray:
         samples = samples_of(guides.rows(outer))
         inputs, may_change = _inputs(lobes.rows(outer), guides.rows(outer), np.float32(exposure), samples)
         kernels = predictor(inputs.to(device)) * may_change.to(device)
         joined = to_tensor(np.dstack([picture[outer] for picture in pictures.values()])).to(device)
         counts = to_tensor(samples[..., None]).to(device)
-        filtered.append(apply_kernels(joined, kernels, counts)[0, :, inner].permute(1, 2, 0).cpu().numpy())
+        return apply_kernels(joined, kernels, counts)[0, :, inner].permute(1, 2, 0).cpu().numpy()
+
+    pixels = current_pieces().limit(BAND_PIXELS)
+    parts = shared(filtered, *zip(*bands(height, width, reach, pixels), strict=True), device=device)
     ends = np.cumsum([picture.shape[-1] for picture in pictures.values()])
-    return dict(zip(pictures, np.split(np.concatenate(filtered), ends[:-1], axis=-1), strict=True))
+    return dict(zip(pictures, np.split(np.concatenate(parts), ends[:-1], axis=-1), strict=True))
 
 
 def _inputs(lobes: Lobes, guides: Guides, exposure: np.float32, samples: np.ndarray) -> tuple[Tensor, Tensor]:

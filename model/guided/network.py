@@ -13,7 +13,7 @@ from ..network.config import ModelConfig
 from ..network.inputs import EnvironmentInputs
 from ..network.renderformer import RenderFormer, SceneContext
 from ..pictures import BAND_PIXELS, bands
-from ..progress import part
+from ..progress import part, steps
 from ..weights.checkpoint import read_network
 from .bundle_decoder import CELLS, SAID, BundleDecoder, at_pixels
 from .decoding import OF_PIXELS
@@ -134,8 +134,8 @@ class GuidedRenderFormer(RenderFormer):
             return decode(slice(0, height))
         reach = self.pixel_decoder.reach
         pixels = current_pieces().limit(max(BAND_PIXELS, 4 * reach * width))  # margins are computed twice
-        return torch.cat([decode(outer)[..., inner, :] for outer, inner in bands(
-            height, width, margin=reach, pixels=pixels, multiple=2)], -2)
+        return torch.cat([decode(outer)[..., inner, :] for outer, inner in steps(bands(
+            height, width, margin=reach, pixels=pixels, multiple=2))], -2)
 
 
 def new_network(config: ModelConfig) -> RenderFormer:

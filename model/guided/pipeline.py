@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from ..compute.inference import current_pieces
+from ..compute.threads import undivided_operations
 from ..light.bounce.radiosity import Radiosity
 from ..light.direct.direct_light import DirectLight
 from ..light.effort import DRAFT, FULL, Effort
@@ -21,7 +22,7 @@ from ..material.mappers import load_material_mapper
 from ..network.layers import store_in_precision
 from ..network.renderformer import SceneContext
 from ..pictures import BAND_PIXELS, bands
-from ..progress import part
+from ..progress import part, steps
 from ..scene import Guides, RenderScene, View
 from ..weights.presets import weights_folder
 from .decoding import OUTPUTS, corrected_light
@@ -84,6 +85,7 @@ class GuidedPipeline:
             inputs = guided_inputs(scene, self.config, self.mapper, direct).to(self.device)
             return GuidedScene(self._light(scene, direct), self.network.encode_scene(inputs))
 
+    @undivided_operations()
     def _light(self, scene: RenderScene, direct: DirectLight, effort: Effort = FULL) -> SceneLight:
         return SceneLight(scene, direct, Radiosity(scene, direct, effort) if self.rays else None)
 
@@ -119,7 +121,7 @@ class GuidedPipeline:
 def _in_bands(light: Callable[[slice], SurfaceLight], view: View, is_traced: bool, apart: bool) -> dict[str, Tensor]:
     """Pictures by field of Lobes, of one view; `light` gives that of some rows, so that sums need bounded memory."""
     parts = []
-    for rows, _ in bands(view.height, view.width, margin=0, pixels=current_pieces().limit(BAND_PIXELS)):
+    for rows, _ in steps(bands(view.height, view.width, margin=0, pixels=current_pieces().limit(BAND_PIXELS))):
         some = light(rows)
         parts.append({"radiance": some.radiance()[0]})
         if is_traced:

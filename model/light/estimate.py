@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from ..compute.inference import current_pieces, like
-from ..compute.threads import Once, shared
+from ..compute.threads import Once, shared, undivided_operations
 from ..light_passes import LOBES
 from ..pictures import bands
 from ..progress import part
@@ -49,6 +49,7 @@ class SceneLight:
     radiosity: Radiosity | None  # None: no rays; only direct light is estimated, without shadows
 
 
+@undivided_operations()
 def estimate_light(light: SceneLight, view: View, guides: Guides, effort: Effort = FULL,
                    with_direct: bool = True) -> SurfaceLight:
     """The light of one view (V = 1) on the device of the scene's light, in the radiance units of the scene.

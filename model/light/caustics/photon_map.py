@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from ...compute.threads import shared
 from .surface_elements import near_photons, surface_elements
 
 SPACINGS = 0.016, 0.032, 0.064  # network units between the nodes of the grids
@@ -38,12 +39,15 @@ class PhotonMap:
         """
         near = np.zeros((0, 3, 3), np.float32) if surfaces is None else near_photons(
             surfaces, position.cpu().numpy(), 2 * SPACINGS[-1])
-        light, self.grids = F.pad(F.pad(flux, (0, 1), value=1.0), (0, 1)), []
-        for spacing in SPACINGS:
+        light = F.pad(F.pad(flux, (0, 1), value=1.0), (0, 1))
+
+        def grid(spacing: float) -> _Grid:
             middle, up, area = (torch.from_numpy(x).to(flux) for x in surface_elements(near, ELEMENT * spacing))
             area = F.pad(area[:, None], (4, 0))
-            self.grids.append(_grid(torch.cat([position, middle, middle]), torch.cat([normal, up, -up]),
-                                    torch.cat([light, area, area]), spacing))
+            return _grid(torch.cat([position, middle, middle]), torch.cat([normal, up, -up]),
+                         torch.cat([light, area, area]), spacing)
+
+        self.grids = shared(grid, SPACINGS, device=flux.device)
 
     @classmethod
     def empty(cls, like: Tensor) -> PhotonMap:

@@ -96,7 +96,7 @@ def test_all_pictures_get_the_same_kernels_whatever_the_bands(monkeypatch):
     assert found["combined"].shape == (64, 64, 4) and np.abs(found["combined"][..., :3] - radiance).max() > 0.01
     np.testing.assert_allclose(found["combined"][..., :3], 2 * found["half"], rtol=1e-5)
     np.testing.assert_allclose(found["combined"][..., 3], 1, rtol=1e-5)
-    monkeypatch.setattr("renderformer_v2.model.pictures.BAND_PIXELS", 5 * 64)
+    monkeypatch.setattr("renderformer_v2.model.guided.kernels.BAND_PIXELS", 5 * 64)
     again = antialiased(predictor, pictures, Lobes(radiance), guides)
     for name, picture in found.items():
         np.testing.assert_allclose(again[name], picture, rtol=1e-4, atol=1e-5)
