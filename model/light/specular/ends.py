@@ -21,7 +21,7 @@ from ...scene_rays import scene_rays
 from ...shading import surface
 from ...surface_kinds import ALL, BENDING, SEEN, STRAIGHT_THROUGH, Ray
 from .facets import pixel_starts, rough_facets
-from .paths import BLURRED, LEAST_GLOSSY, Lobe, Media, PathEnds, Sheets, follow_paths
+from .paths import BLURRED, Lobe, Media, PathEnds, Sheets, follow_paths
 
 PATHS = 1 << 18  # of a lobe, at most
 CHUNK = 1 << 14  # paths that are followed at a time
@@ -35,14 +35,20 @@ class PathLobe(NamedTuple):
     albedo: str
     bounces: str
     ray: Ray
-    least: float     # albedo from which on paths are followed
-    first_lobe: str  # names of `PathEnds.lobe` and `PathEnds.other`
+    least_albedo: float     # above which paths are followed,
+    most_roughness: float   # and below which
+    first_lobe: str         # names of `PathEnds.lobe` and `PathEnds.other`
     other_lobe: str
 
+    def is_followed(self, albedo, roughness):
+        """(h, w) bool: whether paths leave surfaces with this albedo (h, w, 3) of the lobe and this roughness (h, w),
+        arrays or tensors."""
+        return (albedo > self.least_albedo).any(-1) & (roughness < self.most_roughness)
 
-LOBES = (PathLobe("reflected", "glossy_color", "glossy", Ray.GLOSSY, LEAST_GLOSSY, "mirrored", "layer"),
-         PathLobe("refracted", "transmission_color", "transmission", Ray.TRANSMISSION, 0.05, "exit",
-                   "inner"))
+
+REFLECTED = PathLobe("reflected", "glossy_color", "glossy", Ray.GLOSSY, 0.02, BLURRED, "mirrored", "layer")
+REFRACTED = PathLobe("refracted", "transmission_color", "transmission", Ray.TRANSMISSION, 0.05, math.inf, "exit",
+                     "inner")
 
 
 def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
@@ -50,11 +56,9 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
 
     In a large picture paths start at every second, third... pixel along either side.
     """
-    masks = {lobe: (getattr(guides, lobe.albedo).max(-1) > lobe.least) & (guides.hit_triangle >= 0) for lobe in LOBES
+    is_hit, roughness = guides.hit_triangle >= 0, hit_roughness(scene, guides)
+    masks = {lobe: is_hit & lobe.is_followed(getattr(guides, lobe.albedo), roughness) for lobe in (REFLECTED, REFRACTED)
              if min(scene.most_bounces[lobe.bounces], scene.most_bounces["all"])}
-    for lobe, mask in masks.items():
-        if lobe.ray == Ray.GLOSSY:
-            mask &= hit_roughness(scene, guides) < BLURRED
     masks = {lobe: mask for lobe, mask in masks.items() if mask.any()}
     if not masks:
         return guides

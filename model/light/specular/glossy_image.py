@@ -18,7 +18,7 @@ from ..edge_stopping import neighbour_numbers, plane_tolerance
 from ..hit_surfaces import HitSurfaces
 from ..vectors import cross, dot, length, unit
 from ..weighted_rows import weighted_rows
-from .paths import BLURRED, LEAST_GLOSSY
+from .ends import REFLECTED
 
 SPREADS = 1, 2, 4, 8, 16  # pixels between the 5x5 of each of the means that follow each other
 SMOOTH = 0.03             # roughness up to which an image stays as it is
@@ -34,7 +34,7 @@ def blurred_image(light: Tensor, end: Tensor, is_end: Tensor, surfaces: HitSurfa
     """Means of radiance (h, W, C) from the ends (h, W, 3) of paths, where there are any (h, W, 1), over the lobes of
     `surfaces`."""
     h, w, channels = light.shape
-    is_followed = (surfaces.glossy.amax(-1) > LEAST_GLOSSY) & (surfaces.roughness < BLURRED)
+    is_followed = REFLECTED.is_followed(surfaces.glossy, surfaces.roughness)
     is_rough = (is_followed & (surfaces.roughness > SMOOTH)).flatten()
     if not is_rough.any():
         return light

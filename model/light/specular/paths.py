@@ -27,9 +27,7 @@ CLEAR = 0.75       # transmission from which one is glass and shows no matte sur
 LEAST_CLEAR = 0.1  # the same of its inside, which only light meets that has passed it
 TURBID = 0.6       # transmission below which the inside lets less light out
 LIFT = 1e-4        # of the longest segment so far, that a ray starts off its surface
-LEAST_GLOSSY = 0.02   # albedo from which on reflections are followed
 SHARP, BLURRED = 0.15, 0.35  # roughness up to which a reflection is an image, and from which it is a mean over the lobe
-
 LEAST_BLUR = 0.03  # roughness of smooth surfaces in which lamps are mirrored
 
 Cast = Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
