@@ -62,18 +62,28 @@ def neighbour_weights(x: Tensor, n: Tensor, tolerance: Tensor, spread: int,
             top, left = spread * down, spread * right
             there, normal = padded[:, top:top + h, left:left + w].split(3)
             weights.append(tall * wide * edge_weights(there - x, normal, n, tolerance, close, squarings))
-    number, _ = neighbour_numbers(torch.arange(h * w, device=x.device), h, w, spread)
+    number = neighbour_numbers(torch.arange(h * w, device=x.device), h, w, spread)
     return number, torch.stack(weights).flatten(1).T.contiguous()
 
 
-def neighbour_numbers(pixel: Tensor, h: int, w: int, spread: int) -> tuple[Tensor, Tensor]:
-    """Numbers (P, 25), row by row, of the 5x5 points `spread` apart around pixels (P,) of h x w, and their weights.
+def neighbour_numbers(pixel: Tensor, h: int, w: int, spread: int) -> Tensor:
+    """Numbers (P, 25), row by row, of the 5x5 points `spread` apart around pixels (P,) of h x w.
 
-    Weights are 0 beyond the sides, where numbers are of other pixels.
+    Beyond the sides they are of other pixels.
     """
-    steps = spread * (torch.arange(SIDE, device=pixel.device) - SIDE // 2)
+    y, x = _rows_and_columns(pixel, w, spread)
+    return (y.clamp(0, h - 1)[:, :, None] * w + x.clamp(0, w - 1)[:, None]).flatten(1)
+
+
+def tent_weights(pixel: Tensor, h: int, w: int, spread: int) -> Tensor:
+    """Weights (P, 25) of the same points by their place alone, 0 beyond the sides."""
+    y, x = _rows_and_columns(pixel, w, spread)
     tent = torch.tensor(TENT, device=pixel.device)
-    y, x = (pixel // w)[:, None] + steps, (pixel % w)[:, None] + steps
     tall, wide = tent * ((y >= 0) & (y < h)), tent * ((x >= 0) & (x < w))
-    number = y.clamp(0, h - 1)[:, :, None] * w + x.clamp(0, w - 1)[:, None]
-    return number.flatten(1), (tall[:, :, None] * wide[:, None]).flatten(1)
+    return (tall[:, :, None] * wide[:, None]).flatten(1)
+
+
+def _rows_and_columns(pixel: Tensor, w: int, spread: int) -> tuple[Tensor, Tensor]:
+    """(P, 5) each, of these points, some beyond the sides."""
+    steps = spread * (torch.arange(SIDE, device=pixel.device) - SIDE // 2)
+    return (pixel // w)[:, None] + steps, (pixel % w)[:, None] + steps

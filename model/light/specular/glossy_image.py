@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..chunks import in_chunks
-from ..edge_stopping import neighbour_numbers, plane_tolerance
+from ..edge_stopping import neighbour_numbers, plane_tolerance, tent_weights
 from ..hit_surfaces import HitSurfaces
 from ..vectors import cross, dot, length, unit
 from ..weighted_rows import weighted_rows
@@ -79,25 +79,26 @@ class _Lobes:
                    torch.cat([in_plane, across, along, upward]).flatten(1), width.flatten().square())
 
     def nearest_off(self, h: int, w: int) -> Tensor:
-        """(h W,) least `_off` of the ends of paths of the next pixels."""
-        row = torch.arange(h * w, device=self.place.device)
-        steps = torch.tensor([-w, -1, 1, w], device=row.device)
-        return self._off(row, (row[:, None] + steps).clamp(0, h * w - 1))[0].amin(1)
+        """(h W,) least `_off_axis` of the ends of paths of the next pixels."""
+        steps = torch.tensor([-w, -1, 1, w], device=self.place.device)
+        number = (torch.arange(h * w, device=steps.device)[:, None] + steps).clamp(0, h * w - 1)
+        x, end = self.place[:3, :, None], self.place[6:9, number]
+        return _off_axis(end - x, *self.axes[:9, :, None].split(3))[0].amin(1)
 
     def weights(self, row: Tensor, h: int, w: int, spread: int) -> tuple[Tensor, Tensor]:
         """Numbers and weights (R, 25) of the pixels around those of numbers (R,)."""
-        number, tent = neighbour_numbers(row, h, w, spread)
-        off, depth2 = self._off(row, number)
+        number = neighbour_numbers(row, h, w, spread)
         x, n = self.place[:6, row, None].split(3)
-        there, normal = self.place[:6, number].split(3)
-        off = off + dot(there - x, self.axes[9:, row, None], 0).square()
+        there, normal, end, size = self.place[:, number].split([3, 3, 3, 1])
+        in_plane, across, along, upward = self.axes[:, row, None].split(3)
+        off, depth2 = _off_axis(end - x, in_plane, across, along)
+        off = off + dot(there - x, upward, 0).square()
         off = off + dot(normal - n, normal - n, 0) / self.width2[row, None]  # paths of other facets end elsewhere
-        return number, tent * (-off).exp() * self.place[9, number] / depth2
+        return number, tent_weights(row, h, w, spread) * (-off).exp() * size[0] / depth2
 
-    def _off(self, row: Tensor, number: Tensor) -> tuple[Tensor, Tensor]:
-        """How far the ends of paths (R, K) are off the axes of lobes (R,), squared and over the tangents of these, and
-        their squared depth."""
-        toward = self.place[6:9, number] - self.place[:3, row, None]
-        in_plane, across, along = self.axes[:9, row, None].split(3)
-        depth2 = dot(toward, along, 0).clamp_min(1e-6).square()
-        return (dot(toward, in_plane, 0).square() + dot(toward, across, 0).square()) / depth2, depth2
+
+def _off_axis(toward: Tensor, in_plane: Tensor, across: Tensor, along: Tensor) -> tuple[Tensor, Tensor]:
+    """How far the ends of paths `toward` (3, R, K) points are off the axes of lobes (3, R, 1), squared and over the
+    tangents of these, and their squared depth."""
+    depth2 = dot(toward, along, 0).clamp_min(1e-6).square()
+    return (dot(toward, in_plane, 0).square() + dot(toward, across, 0).square()) / depth2, depth2
