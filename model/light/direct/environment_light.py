@@ -98,11 +98,15 @@ class EnvironmentLight:
         normal, outgoing: (P, 3), unit; roughness (perceptual), f0: (P,).
         """
         mirrored = 2 * dot(normal, outgoing)[..., None] * normal - outgoing
-        radiance = self.filtered(mirrored, roughness)
-        wide = (roughness > POLISHED).nonzero()[:, 0]
-        if self.is_uniform or not len(wide):
-            return radiance
-        normal, outgoing, roughness, f0 = (values[wide] for values in (normal, outgoing, roughness, f0))
+        is_wide = (roughness > POLISHED) & (not self.is_uniform)
+        narrow, wide = (~is_wide).nonzero()[:, 0], is_wide.nonzero()[:, 0]
+        radiance = torch.empty_like(mirrored)
+        radiance[narrow] = self.filtered(mirrored[narrow], roughness[narrow])
+        radiance[wide] = self._tapped(normal[wide], outgoing[wide], roughness[wide], f0[wide])
+        return radiance
+
+    def _tapped(self, normal: Tensor, outgoing: Tensor, roughness: Tensor, f0: Tensor) -> Tensor:
+        """`reflected` of wide lobes, read in TAPS directions of each."""
         x, y = (local_basis(normal)[:, :2] @ outgoing[..., None])[..., 0].unbind(1)
         start = torch.stack([torch.full_like(x, 0.5), torch.atan2(y, x) / (2 * math.pi)], 1)  # as the viewer is turned
         direction, weight, cosine, density = ggx_directions(normal, outgoing, roughness, TAPS, start)
@@ -111,7 +115,7 @@ class EnvironmentLight:
         # A lobe of this roughness has the solid angle of a tap, 4 pi alpha^2.
         blur = torch.minimum((4 * math.pi * TAPS * density).clamp_min(1e-6) ** -0.25, roughness[:, None])
         taps = self.filtered(direction.flatten(0, 1), blur.flatten()).view_as(direction)
-        return radiance.index_put((wide,), (weight[..., None] * taps).sum(1))
+        return (weight[..., None] * taps).sum(1)
 
 
 def _lobe(cosine: Tensor, roughness: float) -> Tensor:
