@@ -149,7 +149,9 @@ class Encoding:
             require_bundled_latents(Path(settings.weights()))
         self.is_cancelled, self.fraction = False, 0.0
         light = read_pixels(studio_light_file("studio"))
-        self._result = ThreadPool(1).apply_async(self._run, (file, light))
+        pool = ThreadPool(1)
+        self._result = pool.apply_async(self._run, (file, light))
+        pool.close()  # its threads end with the work
 
     @property
     def is_running(self) -> bool:
