@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...model import progress, rays
+from ...model import progress
 from ...model.normalize import HALF_EXTENT, Normalization
 from ...model.scene import BOUNCES, RenderScene, View
 from ...model.scene_rays import scene_rays
-from ..setup import wheels
 from .collect import collect
 from .data.cache import ConversionCache
 from .data.collected import CollectedScene
@@ -111,10 +110,6 @@ class _Plan:
 
 def _plan(copied: CopiedScene, view: View | None, options: ConversionOptions, report: Report,
           choose_framing: Callable[[Framing], Framing], cache: ConversionCache) -> _Plan:
-    if not rays.has_embree():
-        advice = ": use Install Packages in Preferences > Add-ons > RenderFormer-V2"
-        report.approximated("Speed", "the Python package embreex is missing, so rays take ten times as long"
-                            + advice * wheels.is_made("embreex"))
     with progress.part(0.0, 0.1, "Converting the world"):
         key = "world", copied.world, id(copied.world_panoramas), options.as_is
         sky = cache.get(key, lambda report: convert_world_light(

@@ -258,10 +258,7 @@ def unavailable(names: Iterable[str]) -> str:
 
 def can_install(names: Iterable[str]) -> bool:
     """Whether BUTTON can get these packages of PACKAGES: there is a folder for them and they are made."""
-    try:
-        return folder() is not None and all(wheels.find_wheels(PACKAGES[name], build()) for name in names)
-    except wheels.NoWheel:
-        return False
+    return folder() is not None and all(wheels.is_made(PACKAGES[name]) for name in names)
 
 
 def require() -> None:

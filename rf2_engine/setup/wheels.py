@@ -68,17 +68,15 @@ def find_wheels(distribution: str, build: str = "CUDA", cuda: str = CUDA) -> lis
     """The distribution and all that it needs, but numpy; cuda: the release for Windows ("cu132"). Raises NoWheel."""
     if distribution == "torch":
         distribution = torch_distribution(build)
-    wheels = [_wheel(name) for name in pins()["needs"][distribution]]
-    wheels = [replace(wheel, version=f"{wheel.version}+{cuda}") if wheel and distribution == CUDA_TORCH
-              and wheel.name == "torch" else wheel for wheel in wheels]
-    own = next((wheel for wheel in wheels if wheel and wheel.name == distribution.partition("+")[0]), None)
-    if own is None:
+    if not is_made(distribution):
         python = f"{sys.version_info.major}.{sys.version_info.minor}"
         version, name = pins()["wheels"][distribution]["version"], distribution.partition("+")[0]
         raise NoWheel(f"{name} {version} is not made for Python {python} on {platform.system()} {platform.machine()}: "
                       f"use a Blender from blender.org, which brings a Python that it is made for, or install {name} "
                       "into this Python yourself")
-    return [wheel for wheel in wheels if wheel]
+    wheels = filter(None, map(_wheel, pins()["needs"][distribution]))
+    return [replace(wheel, version=f"{wheel.version}+{cuda}") if distribution == CUDA_TORCH and wheel.name == "torch"
+            else wheel for wheel in wheels]
 
 
 def is_made(distribution: str) -> bool:

@@ -2,8 +2,9 @@
 """Copy a scene from Blender: the first half of a conversion, on the thread that Blender calls us on."""
 from __future__ import annotations
 
-from ....model import progress
+from ....model import progress, rays
 from ... import compat
+from ...setup import packages
 from ..camera.camera import clip_start
 from ..data.copied import CopiedScene
 from ..lamps.world import draw_world
@@ -17,13 +18,16 @@ from .visibility import hidden_in_renders
 def copy(depsgraph, report, cycles_world=None, baker=None, cache=None, hides=None, reads_images=True) -> CopiedScene:
     """What a render depsgraph shows; nothing of it refers to Blender's data, which may change or go away afterwards.
 
-    cycles_world: as in `draw_world`. baker: is made ready where nodes will have to be baked. kept: what was read for
-    copies before (`CopyCache`). hides: says of an original object that it is not shown, in a picture that is no render.
+    cycles_world: as in `draw_world`. baker: is made ready where nodes will have to be baked. cache: what was read for
+    copies before. hides: says of an original object that it is not shown, in a picture that is no render.
     reads_images: else all are grey.
     """
     if (space := compat.working_space()) != REC709:
         report.approximated("Working Space", f"{space} is treated as Linear Rec.709: colors of skies and of lights "
                                              "with a temperature are wrong")
+    if not rays.has_embree():
+        report.approximated("Speed", "the Python package embreex is missing, so rays take ten times as long"
+                            + f": use {packages.BUTTON}" * packages.can_install(["embreex"]))
     frame = depsgraph.scene_eval.frame_current
     cache = CopyCache() if cache is None else cache
     with progress.part(0.0, 0.1, "Converting the world"):  # first, for Cycles may have to evaluate the scene anew
