@@ -2,7 +2,7 @@
 """Rays from a camera to the surfaces that it sees, and guides from these alone."""
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -21,6 +21,7 @@ from .from_rays import AccumulatedGuides, lobe_colors
 
 SAMPLES = 16        # of a pixel
 BLACKMAN_HARRIS = 0.35875, 0.48829, 0.14128, 0.01168  # terms of Cycles' default pixel filter
+BATCH = 1 << 16     # pixels that are sampled at a time
 FILTER_WIDTH = 3.0  # pixels, of the same: Cycles doubles the 1.5 of its setting
 FINDING = "Finding visible surfaces"
 CENTER = ((0.5, 0.5),)
@@ -67,6 +68,11 @@ class CameraRays:
         values[2:, hit] = lobe_colors(self._scene, token[hit], on_token)
         position, normal, *colors = values.reshape(5, len(pixel), len(SAMPLE_POINTS), 3)
         return Samples(token.reshape(position.shape[:2]), position, normal, np.stack(colors))
+
+    def sample_batches(self, pixel: np.ndarray, size: int = BATCH) -> Iterator[tuple[np.ndarray, Samples]]:
+        """Samples of up to so many pixels of `pixel` (E,) at a time, and which of the E they are."""
+        for rows in np.array_split(np.arange(len(pixel)), len(pixel) // size + 1):
+            yield rows, self.sample(pixel[rows])
 
 
 def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float, float]] = CENTER,

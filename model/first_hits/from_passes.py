@@ -43,7 +43,6 @@ BETWEEN = 0.03       # distance from the line between the two at which a normal 
 UNBENT = 0.2         # cosine to the viewer from which on Cycles does not bend normals
 FILL_RADIUS = 4      # pixels
 NEAR_FIBRES = 2      # pixels
-BATCH = 1 << 16      # pixels that are sampled by several rays at a time
 
 
 def guides_from_passes(passes: Passes, scene: RenderScene, view: View, nearest_triangles: NearestTriangles) -> Guides:
@@ -152,11 +151,10 @@ def _with_fibres(guides: Guides, scene: RenderScene, view: View) -> Guides:
     near = box_means(is_fibre[guides.hit_triangle, None].astype(np.float32), NEAR_FIBRES)
     pixels, camera = np.flatnonzero(near > 0), CameraRays(scene, view)
     guides = replace(guides, diffuse_color=guides.diffuse_color.copy(), glossy_color=guides.glossy_color.copy())
-    for batch in np.array_split(pixels, len(pixels) // BATCH + 1):
-        samples = camera.sample(batch)
+    for rows, samples in camera.sample_batches(pixels):
         shows = is_fibre[samples.token][..., None]
-        guides.diffuse_color.reshape(-1, 3)[batch] += (samples.colors[0] * shows).mean(1)
-        guides.glossy_color.reshape(-1, 3)[batch] = (samples.colors[1] * ~shows).mean(1)
+        guides.diffuse_color.reshape(-1, 3)[pixels[rows]] += (samples.colors[0] * shows).mean(1)
+        guides.glossy_color.reshape(-1, 3)[pixels[rows]] = (samples.colors[1] * ~shows).mean(1)
     return guides
 
 
@@ -188,11 +186,10 @@ def _behind_media(scene: RenderScene, camera: CameraRays, hit: np.ndarray, surfa
         colors[:, is_covered] = lobe_colors(scene, surfaces.token[is_covered], surfaces.weights[is_covered])
     coverage = is_covered.astype(np.float32)
     varying = np.flatnonzero(denoise_media.varies(np.concatenate([*colors, coverage[..., None]], axis=-1)))
-    for batch in np.array_split(varying, len(varying) // BATCH + 1):
-        samples = camera.sample(batch)
+    for rows, samples in camera.sample_batches(varying):
         is_covered = covers[samples.token]
-        colors.reshape(3, -1, 3)[:, batch] = (samples.colors * is_covered[..., None]).mean(2)
-        coverage.reshape(-1)[batch] = is_covered.mean(1)
+        colors.reshape(3, -1, 3)[:, varying[rows]] = (samples.colors * is_covered[..., None]).mean(2)
+        coverage.reshape(-1)[varying[rows]] = is_covered.mean(1)
     return Behind(colors, coverage)
 
 

@@ -37,7 +37,6 @@ EVEN = 0.03               # standard deviation of what a tile transmits, above w
 LAYERS = 4                # of sheets before something else: where there are more, the means of samples tell more
 GAP = 1e-4                # of the distance of the first sheet, behind a sheet where a ray goes on
 SEEN_SKY = 0.02           # share of a pixel's samples that must have seen the sky
-BATCH = 1 << 16           # pixels that are sampled by several rays at a time
 
 
 def sheet_tiles(scene: RenderScene) -> np.ndarray:
@@ -134,10 +133,9 @@ def _mixed_at_borders(colors: np.ndarray, pixels: np.ndarray, is_sheet: np.ndarr
     """Colours (3, P, 3) of sheets in the middle of pixels by number, mixed with those of what is beside them where the
     picture (H, W) of sheets ends."""
     borders = np.flatnonzero(varies(is_sheet[..., None].astype(np.float32)).ravel()[pixels])
-    for batch in np.array_split(borders, len(borders) // BATCH + 1):
-        samples = camera.sample(pixels[batch])
-        is_own = clear[samples.token].any(-1)[..., None]
-        colors[:, batch] = np.where(is_own, colors[:, batch, None], samples.colors).mean(2)
+    for rows, samples in camera.sample_batches(pixels[borders]):
+        is_own, here = clear[samples.token].any(-1)[..., None], borders[rows]
+        colors[:, here] = np.where(is_own, colors[:, here, None], samples.colors).mean(2)
     return colors
 
 

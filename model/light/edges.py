@@ -88,9 +88,10 @@ def _edges_of_band(scene: RenderScene, view: View, guides: Guides, device: torch
     light = None if direct is None or not len(own) or scene.group is not None else UnshadowedLight(
         direct, HitSurfaces.of(scene, view, band, outer.start, device), guides.traced is None)
     chunks = []
-    for chunk in np.array_split(own, len(own) // CHUNK + 1):
-        around, share, of_direct = picture.shares(chunk, camera.sample(first + chunk), albedo, light)
-        chunks.append((torch.from_numpy(first + chunk).to(device), first + around, share, of_direct))
+    for rows, samples in camera.sample_batches(first + own, CHUNK):
+        pixel = torch.from_numpy(own[rows]).to(device)
+        around, share, of_direct = picture.shares(pixel, samples, albedo, light)
+        chunks.append((first + pixel, first + around, share, of_direct))
     return chunks
 
 
@@ -144,34 +145,45 @@ class _Picture:
             is_edge[there] |= differs
         return is_edge
 
-    def shares(self, pixel: np.ndarray, samples: Samples, albedo: np.ndarray,
+    def shares(self, pixel: Tensor, samples: Samples, albedo: np.ndarray,
                light: UnshadowedLight | None) -> tuple[Tensor, Tensor, Tensor]:
         """`neighbours`, `share` and `direct` as Edges has them of pixels by number (E,), from samples of these.
 
         albedo: (3, H, W, 3) of the lobes in the middle of edge pixels.
         """
-        device, (h, w) = self.tolerance.device, self.tolerance.shape
-        position, normal = (_to_planes(x, device)[..., None] for x in (samples.position, samples.normal))
+        device = pixel.device
+        position, normal = (_to_planes(x, device) for x in (samples.position, samples.normal))  # (3, E, K)
         sampled, albedo = (torch.from_numpy(x).to(device).permute(0, 3, 1, 2).flatten(0, 1)  # (9, E, K), (9, H, W)
                            for x in (samples.colors, albedo))
-        steps = torch.tensor(NEIGHBOURS, device=device)
-        pixel = torch.from_numpy(pixel).to(device)[:, None]
-        y, x = pixel // w + steps[:, 0], pixel % w + steps[:, 1]
-        inside = (y >= 0) & (y < h) & (x >= 0) & (x < w)
-        neighbours = y.clamp(0, h - 1) * w + x.clamp(0, w - 1)
-        at = lambda picture: picture.flatten(-2)[..., neighbours][..., None, :]  # noqa: E731  (..., E, 1, 9)
-        weight = edge_weights(at(self.position) - position, at(self.normal), normal, at(self.tolerance))
-        weight = weight * (at(self.covered) & inside[:, None]) * torch.from_numpy(FALLOFFS).to(device)
-        weight[..., MIDDLE] += LEAST
-        weight /= weight.sum(-1, keepdim=True)
-        sampled, unseen = sampled + BLACK, UNSEEN * (albedo.flatten(1)[:, neighbours] * inside)
+        neighbours, is_inside = self._neighbours(pixel)
+        weight = self._weights(position, normal, neighbours, is_inside)
+        sampled, unseen = sampled + BLACK, UNSEEN * (albedo.flatten(1)[:, neighbours] * is_inside)
         share = direct = torch.einsum("cek,ekn->cen", sampled, weight) + unseen
         total = share.sum(-1, keepdim=True)
         if light is not None:
-            normal = normal[..., 0]
-            gain = light.gain(position[..., 0], normal, neighbours, weight)
-            mean = unit(normal.mean(-1), 0)
-            is_same = dot(mean, self.normal.flatten(1)[:, pixel[:, 0]], 0) > SAME_NORMAL
-            gain = F.pad(torch.where(is_same[:, None], gain, 1.0), (0, 0, 0, 0, 0, 3), value=1.0)
+            gain = light.gain(position, normal, neighbours, weight)
+            gain = torch.where(self._is_unbent(pixel, normal)[:, None], gain, 1.0)
+            gain = F.pad(gain, (0, 0, 0, 0, 0, 3), value=1.0)  # of transmission
             direct = torch.einsum("cek,ekn->cen", sampled * gain, weight) + unseen
         return neighbours, share / total, direct / total
+
+    def _neighbours(self, pixel: Tensor) -> tuple[Tensor, Tensor]:
+        """Numbers (E, 9) of NEIGHBOURS of pixels (E,), and bool: beyond the sides they are those of other pixels."""
+        (h, w), steps = self.tolerance.shape, torch.tensor(NEIGHBOURS, device=pixel.device)
+        y, x = pixel[:, None] // w + steps[:, 0], pixel[:, None] % w + steps[:, 1]
+        return y.clamp(0, h - 1) * w + x.clamp(0, w - 1), (y >= 0) & (y < h) & (x >= 0) & (x < w)
+
+    def _weights(self, position: Tensor, normal: Tensor, neighbours: Tensor, is_inside: Tensor) -> Tensor:
+        """(E, K, 9) how much the light of `neighbours` counts for samples at (3, E, K): they see the same surface, near
+        by in the picture. The sum is 1."""
+        at = lambda picture: picture.flatten(-2)[..., neighbours][..., None, :]  # noqa: E731  (..., E, 1, 9)
+        weight = edge_weights(at(self.position) - position[..., None], at(self.normal), normal[..., None],
+                              at(self.tolerance))
+        weight = weight * (at(self.covered) & is_inside[:, None]) * torch.from_numpy(FALLOFFS).to(weight.device)
+        weight[..., MIDDLE] += LEAST
+        weight /= weight.sum(-1, keepdim=True)
+        return weight
+
+    def _is_unbent(self, pixel: Tensor, normal: Tensor) -> Tensor:
+        """(E,) bool: whether the normals of samples (3, E, K) are on average those that pixels (E,) have."""
+        return dot(unit(normal.mean(-1), 0), self.normal.flatten(1)[:, pixel], 0) > SAME_NORMAL
