@@ -15,15 +15,15 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, nullcontext
 
-from ..progress import part, report, reporting, steps
+from ..progress import report
+from .teams import POLL, Team, in_turn
 
 # For GNU's and LLVM's library, and for Intel's.
 _SLEEP = {"OMP_WAIT_POLICY": "PASSIVE", "KMP_BLOCKTIME": "0"}
 _CHOSEN_BY_USER = (*_SLEEP, "GOMP_SPINCOUNT")
 _GRAIN = 1 << 15  # elements of a tensor that PyTorch does not share between threads
-POLL = 0.05  # seconds between two progress reports
 
-_this = threading.local()  # has `most`, how many threads may share this one's work, and the `team` that does, if any
+_this = threading.local()  # has `most`, how many threads may share this one's work, where that is known
 _importing = ThreadPoolExecutor(1, "RenderFormer-V2 imports")
 
 
@@ -76,7 +76,7 @@ def shared(function: Callable, *columns: Sequence, device=None) -> list:
     from .inference import current_pieces, inference, is_inference
     rows = list(zip(*columns, strict=True))
     if len(rows) < 2 or not is_inference() or (device or rows[0][0].device).type != "cpu":
-        return _in_turn(function, rows)
+        return in_turn(function, rows)
     pieces, threads = current_pieces(), torch.get_num_threads()
 
     def one(*row):
@@ -84,7 +84,7 @@ def shared(function: Callable, *columns: Sequence, device=None) -> list:
             return function(*row)
 
     try:
-        return _Team.of_this_thread(threads).run(one, rows, functools.partial(torch.set_num_threads, 1))
+        return Team.of_this_thread(threads).run(one, rows, functools.partial(torch.set_num_threads, 1))
     finally:
         torch.set_num_threads(threads)  # new threads inherit the last number that was set
 
@@ -97,7 +97,7 @@ def undivided_operations():
     """
     import torch
     threads = torch.get_num_threads()
-    with _Team.of_this_thread(threads).worked_in():
+    with Team.of_this_thread(threads).worked_in():
         torch.set_num_threads(1)
         try:
             yield
@@ -110,126 +110,7 @@ def spread(function: Callable, rows: Sequence[tuple]) -> list:
 
     They gain from it if they let go of Python's lock. What is reported is as of `shared`.
     """
-    return _Team.of_this_thread(_team_size()).run(function, rows)
-
-
-class _Team:
-    """Threads that may work at once on rows, and on rows that these share in turn; this thread is one of them."""
-
-    def __init__(self, size: int):
-        self.size, self._free, self._lock = size, size - 1, threading.Lock()
-
-    @staticmethod
-    def of_this_thread(size: int) -> _Team:
-        """The team whose rows this thread works on, or a new one."""
-        return getattr(_this, "team", None) or _Team(size)
-
-    def run(self, function: Callable, rows: Sequence[tuple], begin: Callable[[], object] = lambda: None) -> list:
-        """[function(*row) for row in rows]; `begin` is called in each thread that works on them."""
-        if self.size == 1 or len(rows) < 2:
-            return _in_turn(function, rows)
-        work, helpers = _Rows(function, rows), []
-
-        def help_out():
-            try:
-                begin()
-                with self.worked_in(), reporting(work.check):
-                    work.do()
-            except BaseException as error:  # said by the thread that waits
-                work.fail(error)
-            finally:
-                self._leave()
-
-        def ask_for_help():
-            while work.is_left and self._join():
-                helpers.append(threading.Thread(target=help_out, daemon=True))
-                helpers[-1].start()
-
-        try:
-            begin()
-            with self.worked_in():
-                work.do(ask_for_help)
-                self._leave()  # others may work while this thread waits
-                try:
-                    for helper in helpers:
-                        while helper.is_alive():
-                            report()
-                            helper.join(POLL)
-                finally:
-                    self._join(wanted=True)
-        except BaseException as error:
-            work.fail(error)
-            raise
-        finally:
-            for helper in helpers:
-                helper.join()
-        return work.results()
-
-    @contextmanager
-    def worked_in(self):
-        """Inside, what this thread shares, it shares with the team."""
-        before, _this.team = getattr(_this, "team", None), self
-        try:
-            yield
-        finally:
-            _this.team = before
-
-    def _join(self, wanted: bool = False) -> bool:
-        """Take the place of a thread, if one is free, or is `wanted`."""
-        with self._lock:
-            is_in = wanted or self._free > 0
-            self._free -= is_in
-            return is_in
-
-    def _leave(self) -> None:
-        with self._lock:
-            self._free += 1
-
-
-class _Rows:
-    """Rows that several threads work on."""
-
-    def __init__(self, function: Callable, rows: Sequence[tuple]):
-        self._function, self._rows, self._results = function, rows, [None] * len(rows)
-        self._next, self._errors, self._lock = 0, [], threading.Lock()
-
-    @property
-    def is_left(self) -> bool:
-        return self._next < len(self._rows) and not self._errors
-
-    def do(self, before_each: Callable[[], object] = lambda: None) -> None:
-        """Work on what is left."""
-        count = len(self._rows)
-        while (i := self._take()) is not None:
-            before_each()
-            with part(i / count, (i + 1) / count):
-                report(0.0)
-                self._results[i] = self._function(*self._rows[i])
-
-    def check(self, text: str, fraction: float) -> None:
-        """Hear of progress, and end the work of a thread if another has failed."""
-        if self._errors:
-            raise _Stopped
-
-    def fail(self, error: BaseException) -> None:
-        """Leave what has not begun."""
-        self._errors.append(error)
-
-    def results(self) -> list:
-        if self._errors:
-            raise self._errors[0]
-        return self._results
-
-    def _take(self) -> int | None:
-        with self._lock:
-            if not self.is_left:
-                return None
-            self._next += 1
-            return self._next - 1
-
-
-class _Stopped(Exception):
-    """Another thread has failed."""
+    return Team.of_this_thread(_team_size()).run(function, rows)
 
 
 class Once:
@@ -262,10 +143,6 @@ def _team_size() -> int:
         return _this.most
     torch = sys.modules.get("torch")
     return torch.get_num_threads() if hasattr(torch, "get_num_threads") else os.cpu_count() or 1
-
-
-def _in_turn(function: Callable, rows: Sequence[tuple]) -> list:
-    return [function(*row) for row in steps(rows)]
 
 
 @contextmanager
