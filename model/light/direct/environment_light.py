@@ -83,6 +83,8 @@ class EnvironmentLight:
 
     def filtered(self, direction: Tensor, roughness: Tensor) -> Tensor:
         """(P, 3) radiance around a direction, averaged over the GGX lobe of this perceptual roughness (P,)."""
+        if self.is_uniform:
+            return self.levels[0, :, 0, 0, 0].expand(len(direction), 3)
         u = 0.5 - torch.atan2(direction[:, 1], direction[:, 0]) / (2 * math.pi)
         w = torch.acos(direction[:, 2].clamp(-1, 1)) / math.pi
         wrapped = (u * SHARP[1] + 1) / (SHARP[1] + 2)
