@@ -32,7 +32,7 @@ def _visible_depths(to_clip: np.ndarray, depsgraph) -> np.ndarray:
     depths = [[]]
     for instance in depsgraph.object_instances:
         obj = instance.object
-        if obj.type in VISIBLE and instance.show_self and obj.visible_camera:
+        if obj.type in VISIBLE and (instance.show_self or instance.show_particles) and obj.visible_camera:
             to_picture = to_clip @ np.array(instance.matrix_world)
             box = np.array(obj.bound_box) @ to_picture[:3, :3].T + to_picture[:3, 3]
             depths.append(_depths_inside(box) if np.isfinite(box).all() else [])

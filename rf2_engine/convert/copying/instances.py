@@ -21,7 +21,7 @@ from .attributes import MESH, RequestedAttributes
 from .blocks import Blocks
 from .cache import CopyCache
 from .meshes import material_slots
-from .visibility import gas_domain, hidden_rays, is_holdout, is_shown, read_light_linking
+from .visibility import gas_domain, hidden_rays, is_holdout, is_shown, read_light_linking, shows_something
 from .volumes import gridded
 
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
@@ -58,7 +58,7 @@ class _Walk:
         for i, instance in enumerate(self.depsgraph.object_instances):
             with progress.part(i / total, (i + 1) / total, f"Reading objects, {i + 1} of {total}"):
                 progress.report()
-                if instance.show_self and not self._is_hidden(instance):
+                if shows_something(instance) and not self._is_hidden(instance):
                     self._add(instance)
         self.cache.meshes.drop_unused()
 
@@ -73,12 +73,15 @@ class _Walk:
         matrix = np.array(instance.matrix_world, np.float64)
         if not (np.abs(matrix) < AS_GOOD_AS_INFINITE).all():
             self.report.refused(obj.name, "its transform has values that are infinite or too large")
-        elif obj.type == "VOLUME" or gas_domain(obj):
+        elif instance.show_self and (obj.type == "VOLUME" or gas_domain(obj)):
             volume = gridded(obj, self._slots(obj)[0], self._copy_instance(instance), self._grids, self.report)
             self.copied.objects += [volume] if volume else []
         elif obj.type == "MESH":
-            self._add_mesh(obj, self._copy_instance(instance), instance.matrix_world.is_negative,
-                           hidden_rays(instance))
+            copied = self._copy_instance(instance)
+            if instance.show_particles and self.layer.use_strand:
+                self._add_hair(obj, copied, hidden_rays(instance))
+            if instance.show_self:
+                self._add_mesh(obj, copied, instance.matrix_world.is_negative, hidden_rays(instance))
         elif obj.type == "LIGHT":
             if obj.original not in self.linking.dark:
                 reach = Reach(hidden_rays(instance) & SEEING_LAMPS, min(obj.data.cycles.max_bounces, ANY),
@@ -113,12 +116,14 @@ class _Walk:
             self._shown[key] = is_shown(instance, self.layer)
         return self._shown[key]
 
-    def _add_mesh(self, obj, instance: Instance, mirrored: bool, hidden: int) -> None:
-        for system in obj.particle_systems if self.layer.use_strand else ():
+    def _add_hair(self, obj, instance: Instance, hidden: int) -> None:
+        for system in obj.particle_systems:
             if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
                 read = partial(strands.read_particles, obj, system, self.depsgraph.mode == "RENDER")
                 self._add_strands(obj, system.as_pointer(), read, instance, hidden,
                                   system.settings.material - 1)
+
+    def _add_mesh(self, obj, instance: Instance, mirrored: bool, hidden: int) -> None:
         slots, source, is_dark = self._slots(obj), obj.data.as_pointer(), obj.original in self.linking.dark
         key = source, mirrored, hidden, is_dark, self._linked_groups(obj), *slots
         if key not in self._surfaces:

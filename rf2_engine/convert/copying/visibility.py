@@ -20,6 +20,11 @@ def is_shown(instance, layer) -> bool:
     return hidden_rays(instance) != sum(RAYS.values())
 
 
+def shows_something(instance) -> bool:
+    """Whether an instance shows itself, or only its hair, as an emitter without Show Emitter does."""
+    return instance.show_self or instance.show_particles
+
+
 def is_holdout(instance, layer) -> bool:
     """Whether an instance of an object cuts a hole into the film of an evaluated view layer."""
     return _host(instance).holdout_get(view_layer=layer)  # its own, or that of a collection
@@ -100,7 +105,7 @@ def read_light_linking(depsgraph, report) -> LightLinking:
     if not linked:
         return linking
     visible = list(dict.fromkeys(instance.object.original for instance in depsgraph.object_instances
-                                 if instance.object.type in RECEIVERS and instance.show_self))
+                                 if instance.object.type in RECEIVERS and shows_something(instance)))
     sets = [[_linked_objects(collection, set(visible)) for collection in collections] for _, *collections in linked]
     groups: dict[tuple, int] = {}
     for obj in visible:

@@ -78,6 +78,16 @@ def test_rays_meet_what_cycles_sees(scene, converted, add_material, report, kind
     assert [kind for kind, name, _ in report.entries if name == obj.name] == ["approximated"]
 
 
+def test_hair_is_met_where_its_emitter_is_hidden(scene, converted, add_material):
+    obj = grown(add_material("green", (0.1, 0.7, 0.2)))
+    both = converted()
+    obj.show_instancer_for_viewport = False  # which the depsgraph outside of a render obeys
+    hair_alone = converted()
+    assert len(hair_alone) > 200
+    assert 1 <= len(both) - len(hair_alone) <= 100  # those of the emitter
+    assert np.ptp(hair_alone.triangles[..., 2], axis=1).min() > 0
+
+
 def seen_by_cycles(scene) -> float:
     """Mean coverage of the picture."""
     scene.render.engine, scene.cycles.samples, scene.render.film_transparent = "CYCLES", 4, True
