@@ -72,7 +72,7 @@ def _fit(scene: RenderScene) -> tuple[np.ndarray, float]:
 
 def _bounds(scene: RenderScene) -> tuple[np.ndarray, np.ndarray]:
     corners = scene.triangles[~scene.is_light].reshape(-1, 3)
-    if scene.volumes is not None and len(scene.volumes):
+    if scene.volumes:
         corners = np.concatenate([corners, scene.volumes.position])
     if not len(corners):
         corners = scene.triangles.reshape(-1, 3)

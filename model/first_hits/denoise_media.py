@@ -48,7 +48,7 @@ def smoothed(guides: Guides, volumes: Volumes | None, view: View, surface: Behin
     All are in one frame, in any units. If the `surface` behind the medium is known, the share of it that is visible in
     each colour is averaged, not the surface's colour.
     """
-    inside = None if volumes is None or not len(volumes) else crossed(guides, volumes, view)
+    inside = crossed(guides, volumes, view) if volumes else None
     if inside is None or not inside.any():
         return guides
     front = None if surface is None else surface.share

@@ -67,7 +67,7 @@ def guides_from_passes(passes: Passes, scene: RenderScene, view: View, nearest_t
     if len(scene) and hit.any():
         emits = (passes["emission"] > 0).any(axis=-1)
         surfaces.set(hit, _first_surfaces(scene, view, surfaces.position[hit], hit, emits[hit], nearest_triangles))
-    has_media = scene.volumes is not None and len(scene.volumes) > 0 and len(scene) > 0
+    has_media = bool(scene.volumes) and len(scene) > 0
     if has_media:
         camera = CameraRays(scene, view)
         _add_hits_behind_media(camera, scene, view, covered & ~hit, hit, surfaces)

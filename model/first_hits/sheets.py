@@ -77,7 +77,7 @@ def through_sheets(guides: Guides, scene: RenderScene, view: View) -> Guides:
     sheets = sheet_tiles(scene)
     # By token; the last one, -1, is no surface.
     clear = np.append(sheets[scene.seen_tile] * ~scene.is_light[:, None], np.zeros((1, 3), np.float32), axis=0)
-    if not clear.any() or scene.volumes is not None and len(scene.volumes):
+    if not clear.any() or scene.volumes:
         return guides
     caster, (eye, rays) = scene_rays(scene).among(SEEN, Ray.CAMERA), view_rays(view)
     token, rays = np.append(scene.surfaces.token, -1), rays.reshape(-1, 3)

@@ -36,6 +36,11 @@ def edge_weights(offset: Tensor, neighbour_normal: Tensor, normal: Tensor, toler
     return facing * off.neg_().exp_()
 
 
+def to_planes(picture: Tensor) -> Tensor:
+    """(h, w, C) -> (C, h, w)."""
+    return picture.permute(2, 0, 1).contiguous()
+
+
 def plane_tolerance(x: Tensor, valid: Tensor) -> Tensor:
     """(h, w) tolerance of `edge_weights` for points x (3, h, w): the distance of the nearest valid neighbour."""
     apart = torch.full_like(x[0], FARTHEST)

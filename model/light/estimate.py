@@ -145,8 +145,7 @@ def _unshadowed_light(light: SceneLight, view: View, guides: Guides) -> SurfaceL
     """Direct light in closed form, past everything that is in its way."""
     direct = light.direct
     surfaces = HitSurfaces.of(light.scene, view, guides, 0, direct.device)
-    points = surfaces.position, surfaces.normal, -surfaces.rays, surfaces.roughness, surfaces.f0
-    lobes = direct.lobes(*(x.flatten(0, 1) for x in points), None, footprints(surfaces).flatten(0, 1))
+    lobes = direct.lobes(*surfaces.lobe_points, None, footprints(surfaces).flatten(0, 1))
     dark = torch.zeros_like(surfaces.position)
     none = dark.new_zeros(1)
     return SurfaceLight(

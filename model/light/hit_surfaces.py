@@ -57,6 +57,13 @@ class HitSurfaces:
                    None if scene.group is None or not len(scene) else scene.group[guides.hit_triangle.clip(0)])
 
     @property
+    def lobe_points(self) -> tuple[Tensor, ...]:
+        """Position, normal, unit vector to the viewer (h W, 3), roughness and f0 (h W,): what `DirectLight.lobes` asks.
+        """
+        points = self.position, self.normal, -self.rays, self.roughness, self.f0
+        return tuple(x.flatten(0, 1) for x in points)
+
+    @property
     def rise(self) -> Tensor:
         """(h, W, 1) distance off the surface at which rays start, on either side."""
         distance = length(self.position - self.origin)[..., None]

@@ -11,7 +11,7 @@ from torch.nn import functional as F
 
 from ..compute.inference import current_pieces
 from ..compute.threads import shared
-from .edge_stopping import DIFFUSE, GLOSSY, edge_weights, neighbour_weights, plane_tolerance
+from .edge_stopping import DIFFUSE, GLOSSY, edge_weights, neighbour_weights, plane_tolerance, to_planes
 from .separation import Separation
 from .weighted_rows import weighted_rows
 
@@ -52,7 +52,7 @@ class Probes:
             torch.arange(min(grid // 2, side - 1), side, grid, device=position.device) for side in position.shape[:2])
         self.number = _z_order(len(self.rows), len(self.columns), position.device)
         self.surfaces = self.at_probes(position), self.at_probes(normal)
-        self.x, self.n = map(_to_planes, self.surfaces)
+        self.x, self.n = map(to_planes, self.surfaces)
         self.tolerance = plane_tolerance(self.x, self.at_probes(covered)[..., 0])
         self._neighbours = {}
 
@@ -119,7 +119,7 @@ class Probes:
     def _to_pixels(self) -> Weights:
         position, normal = self.picture[:2]
         pixels = (torch.arange(side, device=position.device) for side in position.shape[:2])
-        return self._weights(*pixels, _to_planes(position), _to_planes(normal))
+        return self._weights(*pixels, to_planes(position), to_planes(normal))
 
     def _weights(self, rows: Tensor, columns: Tensor, position: Tensor, normal: Tensor) -> Weights:
         """(h w, 4) for pixels in `rows` (h,) and `columns` (w,), with positions and normals (3, h, w)."""
@@ -169,10 +169,6 @@ def _weighted_mean(table: Tensor, weights: Weights) -> tuple[Tensor, Tensor]:
     """(P, C) at pixels of the light in a table of probes, and (P,) how reliable it is, 1 at most."""
     light, reliability = weighted_rows(table, *weights).split([table.shape[1] - 1, 1], 1)
     return light / reliability.clamp(min=LEAST ** 2), reliability[:, 0]
-
-
-def _to_planes(picture: Tensor) -> Tensor:
-    return picture.permute(2, 0, 1).contiguous()
 
 
 def _z_order(rows: int, columns: int, device: torch.device) -> Tensor:

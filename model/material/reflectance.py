@@ -39,7 +39,7 @@ def fresnel(cosine: np.ndarray, ior: np.ndarray) -> np.ndarray:
 def visible_facets(normal: np.ndarray, ray: np.ndarray, alpha: np.ndarray, random: np.ndarray) -> np.ndarray:
     """(N, 3) f32 unit normals of the facets that unit rays (N, 3) hit, sampled by how visible they are.
 
-    normal: (N, 3), unit, facing the rays; alpha: (N,), of GGX; chance: (N, 2) in [0, 1).
+    normal: (N, 3), unit, facing the rays; alpha: (N,), of GGX; random: (N, 2) in [0, 1).
     Dupuy and Benyoub 2023, "Sampling visible GGX normals with spherical caps".
     """
     aside = unit(np.cross(normal, np.where(np.abs(normal[:, :1]) < 0.7, [[1, 0, 0]], [[0, 1, 0]])))

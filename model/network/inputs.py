@@ -96,7 +96,7 @@ def material_tiles(pooled: Tensor, mapper) -> Tensor:
 
 
 def volume_inputs(volumes: Volumes | None) -> VolumeInputs | None:
-    if volumes is None or not len(volumes):
+    if not volumes:
         return None
     return VolumeInputs(**{f.name: torch.from_numpy(getattr(volumes, f.name)) for f in fields(Volumes)})
 

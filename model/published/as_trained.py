@@ -75,7 +75,7 @@ def describe_untrained(scene: RenderScene) -> list[str]:
                      "had none: theirs were 2.1 to 2.7 times its longest side away")
     if len(scene) > TRIANGLES:
         result.append(f"{len(scene)} triangles, training scenes had up to {TRIANGLES}: lower Max Triangles")
-    if scene.volumes is not None and len(scene.volumes):
+    if scene.volumes:
         side = scene.volumes.scale.min(axis=1) / CELLS
         if (thin := int((side < 0.99 * THINNEST).sum())):
             result.append(f"{thin} of {len(side)} volume cells are thinner than those of training scenes, by up to "

@@ -40,7 +40,7 @@ def write_h5(path: str | Path, scene: ProcessedScene) -> None:
         "mvp": np.zeros((len(scene.fov), 4, 4), np.float32)}
     if scene.environment is not None:
         arrays["env_map"] = np.float32(scene.environment).transpose(2, 0, 1)
-    if scene.volumes is not None and len(scene.volumes):
+    if scene.volumes:
         arrays |= {key: np.float32(getattr(scene.volumes, name)) for name, key in VOLUMES.items()}
     if scene.image is not None:
         arrays["img"] = to_half(scene.image)

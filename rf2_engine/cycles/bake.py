@@ -21,7 +21,6 @@ from ...model.errors import RenderCancelled, SceneError
 from ...model.scene import TILE_SIZE
 from . import background as background_cycles
 
-INTERVAL = 0.1  # seconds between two checks of the Esc key
 WORKER = Path(__file__).with_name("bake_worker.py")
 SAMPLES = 4     # of each texel
 NOISY = {"ShaderNodeAmbientOcclusion": 16, "ShaderNodeBevel": 16}  # those that cast rays at random
@@ -117,7 +116,7 @@ class Baker:
         while True:
             progress.report()
             try:
-                line = self._lines.get(timeout=INTERVAL)
+                line = self._lines.get(timeout=background_cycles.INTERVAL)
             except queue.Empty:
                 continue
             if line == word:

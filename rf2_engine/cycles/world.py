@@ -48,7 +48,7 @@ _panoramas: dict[tuple[str, Ray], tuple[np.ndarray, list[Sun]]] = {}  # of a ren
 
 @dataclass
 class CyclesWorld:
-    """Draws the worlds that convert/world.py cannot evaluate."""
+    """Draws the worlds that convert/lamps/world.py cannot evaluate."""
 
     engine: bpy.types.RenderEngine
     depsgraph: bpy.types.Depsgraph

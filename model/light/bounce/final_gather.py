@@ -15,7 +15,7 @@ from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, SOLID, STRAIGHT_THROUGH, Kind, Ray
 from ..cutouts import Veils
 from ..direct.direct_light import DirectLight
-from ..direct.environment_light import LIFT, EnvironmentLight
+from ..direct.environment_light import FOG_REACH, LIFT, EnvironmentLight
 from ..sampling import hashed_starts
 from ..tensor_rays import TensorRays
 from ..vectors import dot
@@ -26,7 +26,6 @@ from .patch_lobes import PatchLobes
 from .patches import Patches
 from .polished import PolishedMetal
 
-FOG_REACH = 2.0        # network units from a point: fog beyond dims nothing
 LEAST_RELIABLE = 1e-3  # weight of a point that sees backs alone beside one that sees none
 FOG_RAYS = 8           # of a point, along which in-scattering is computed
 UNLIKE = 0.25          # difference of the shares of visible sky at which a point's weight is 1/e

@@ -11,6 +11,7 @@ from ...progress import part
 from ...scene import IOR, ROUGHNESS, RenderScene, tile_tints
 from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, Ray
+from ..cutouts import GAP
 from ..direct.environment_light import BLUR, EnvironmentLight
 from ..tensor_rays import TensorRays
 from ..vectors import dot
@@ -39,7 +40,6 @@ INTO, OUT, THROUGH = np.float32([
      [0.970, 0.978, 0.960, 0.895, 0.875, 0.827, 0.627, 0.509, 0.392],
      [0.970, 0.986, 0.967, 0.928, 0.881, 0.787, 0.654, 0.571, 0.488]]])
 GREY = 0.01           # difference between colours of a tint up to which it is grey
-GAP = 1e-4            # network units behind a pane where a ray goes on
 
 
 class Panes:

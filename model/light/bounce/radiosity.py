@@ -177,15 +177,19 @@ class Radiosity:
         number: (P,), which consecutive neighbours should have, so that their rays fill each other's gaps.
         """
         number = torch.arange(len(position), device=position.device) if number is None else number
-        start = r2_starts(number)
-        gathered = self.gather_scene.gather(position, normal, cosine_directions(normal, effort.of_probe(RAYS), start),
-                                            effort.of_probe(AIMED), start)
+        gathered = self._gathered(position, normal, number, effort)
         light = gathered.with_lobes(self.leaving, self._of_lobes)
         light = light + gathered.through + self.caustics.radiance(position, normal)
         if not self._most.diffusely:
             light = torch.zeros_like(light)
         sky = gathered.sky_visibility(self.gather_scene.environments[Ray.DIFFUSE]) if with_sky else None
         return DiffuseLight(light, self._with_glow(gathered.fire, gathered), sky)
+
+    def _gathered(self, position: Tensor, normal: Tensor, number: Tensor, effort: Effort) -> Gathered:
+        """What rays from points (P, 3) of matte surfaces hit; arguments as of `diffuse`."""
+        start = r2_starts(number)
+        return self.gather_scene.gather(position, normal, cosine_directions(normal, effort.of_probe(RAYS), start),
+                                        effort.of_probe(AIMED), start)
 
     def _with_glow(self, light: Tensor | None, gathered: Gathered, weight: Tensor | None = None) -> Tensor | None:
         """(P, 3) `light` and that of surfaces which glow; None if there is neither."""
@@ -196,9 +200,7 @@ class Radiosity:
 
     def behind(self, position: Tensor, normal: Tensor, number: Tensor, effort: Effort = FULL) -> dict[str, Tensor]:
         """(P, 3) as of `diffuse`: "all" light, and what of it has "bounced" before, which traced light has not."""
-        start = r2_starts(number)
-        gathered = self.gather_scene.gather(position, normal, cosine_directions(normal, effort.of_probe(RAYS), start),
-                                            effort.of_probe(AIMED), start)
+        gathered = self._gathered(position, normal, number, effort)
         other = gathered.through + self.caustics.radiance(position, normal)
         return {"all": self._with_glow(gathered.with_lobes(self.leaving, self._of_lobes) + other, gathered),
                 "bounced": gathered.radiance(self.bounced_before) + other}

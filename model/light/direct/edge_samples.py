@@ -19,8 +19,7 @@ class UnshadowedLight:
 
     def __init__(self, direct: DirectLight, surfaces: HitSurfaces, with_footprints: bool):
         self._direct, self._origin = direct, surfaces.origin
-        points = surfaces.position, surfaces.normal, -surfaces.rays, surfaces.roughness, surfaces.f0
-        self._points = [x.flatten(0, 1) for x in points]
+        self._points = surfaces.lobe_points
         self._footprints = [footprints(surfaces).flatten(0, 1)] if with_footprints else []
 
     def gain(self, position: Tensor, normal: Tensor, neighbours: Tensor, weight: Tensor) -> Tensor:

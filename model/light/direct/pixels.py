@@ -45,10 +45,9 @@ def _direct_light(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, sk
     with part(2 / 3, 1.0):
         sky_behind = torch.full_like(surfaces.coverage, refracted is None)
         visibility = LobeVisibility(sky, emitters, glossy_sky, glossy_emitters, sky_behind)
-        points = surfaces.position, surfaces.normal, -surfaces.rays, surfaces.roughness, surfaces.f0
         visibility = LobeVisibility(*(x.flatten(0, 1) for x in visibility))
         footprint = [footprints(surfaces).flatten(0, 1)] if effort.edges and not is_traced else []
-        lobes = direct.lobes(*(x.flatten(0, 1) for x in points), visibility, *footprint)
+        lobes = direct.lobes(*surfaces.lobe_points, visibility, *footprint)
         lobes = [lobe.view_as(surfaces.position) * surfaces.is_covered for lobe in lobes]
         if refracted is not None:
             lobes[2] = refracted

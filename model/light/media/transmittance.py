@@ -113,7 +113,7 @@ class Fog:
 
 def fog_of(scene: RenderScene, device: torch.device | str = "cpu", reach: float = REACH) -> Fog | None:
     """The fog of a scene; None where it has no media."""
-    volumes = scene.volumes if scene.volumes is not None and len(scene.volumes) else None
+    volumes = scene.volumes or None
     return None if volumes is None and scene.fire is None else Fog(volumes, device, scene.fire, reach)
 
 

@@ -114,7 +114,7 @@ def _values(ends: list[PathEnds], lobe: PathLobe) -> dict[str, np.ndarray]:
 
 def _media(scene: RenderScene) -> Media | None:
     """What dims light along paths; None where nothing does."""
-    if scene.volumes is None or not len(scene.volumes):
+    if not scene.volumes:
         return None
     from ..media.transmittance import fog_of  # PyTorch, which takes seconds to import
     return fog_of(scene, reach=math.inf).along

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..edge_stopping import neighbour_weights, plane_tolerance
+from ..edge_stopping import neighbour_weights, plane_tolerance, to_planes
 from ..hit_surfaces import HitSurfaces
 from ..weighted_rows import weighted_rows
 from .facets import LEAST_ROUGHNESS
@@ -27,7 +27,7 @@ def frosted(light: Tensor, surfaces: HitSurfaces) -> Tensor:
     is_rough = is_glass & (surfaces.roughness > LEAST_ROUGHNESS)
     if not is_rough.any():
         return light
-    x, n = (picture.permute(2, 0, 1).contiguous() for picture in (surfaces.position, surfaces.normal))
+    x, n = map(to_planes, (surfaces.position, surfaces.normal))
     tolerance, close = plane_tolerance(x, is_glass), WIDTH * surfaces.roughness.clamp_min(LEAST_ROUGHNESS).square()
     brightness = light.mean(-1)
     common = BRIGHT * brightness[is_rough].sqrt().mean().square().clamp_min(1e-12)

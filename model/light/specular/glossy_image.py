@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..chunks import in_chunks
-from ..edge_stopping import neighbour_numbers, plane_tolerance, tent_weights
+from ..edge_stopping import neighbour_numbers, plane_tolerance, tent_weights, to_planes
 from ..hit_surfaces import HitSurfaces
 from ..vectors import cross, dot, length, unit
 from ..weighted_rows import weighted_rows
@@ -64,8 +64,7 @@ class _Lobes:
 
     @classmethod
     def of(cls, surfaces: HitSurfaces, end: Tensor, is_end: Tensor, is_followed: Tensor) -> _Lobes:
-        x, n, rays, end = (picture.permute(2, 0, 1).contiguous() for picture in (
-            surfaces.position, surfaces.normal, surfaces.rays, end))
+        x, n, rays, end = map(to_planes, (surfaces.position, surfaces.normal, surfaces.rays, end))
         cosine = -dot(n, rays, 0)
         along = rays + 2 * cosine * n
         distance = torch.where(is_end[..., 0], (end - x).square().sum(0).sqrt(), FAR)

@@ -20,7 +20,7 @@ def gridded(obj, material: Material | None, instance: Instance, grids_read: dict
             report) -> CopiedVolume | None:
     """The grids of an evaluated Volume object or of a domain of gas; None, and a remark, if it shows none.
 
-    known: what was read before.
+    grids_read: before; new ones are added.
     """
     domain = gas_domain(obj)
     if not has_volume(material) and (material or domain):

@@ -6,11 +6,11 @@ import numpy as np
 
 from ..data.arrays import divide_safely, mix_values
 from .node_call import NodeCall
+from .noise.fractal import MOST_OCTAVES
 from .noise.lattice import in_blocks
 from .noise.voronoi_cells import METRICS, Cells, nearest, smooth, sphere_radius, to_edge
 
 FIRST_EDGE = np.float32(8)  # distance to an edge before any octave
-MOST_OCTAVES = 15
 
 
 def voronoi(n: NodeCall):
