@@ -11,8 +11,7 @@ from torch import Tensor
 from ..fields import COLOR, RADIANCE, array
 from ..tensor_group import TensorGroup
 
-# Shares of the light behind a surface that pass: straight on, through smooth glass, and diffusely, through rough glass
-BEHIND = 0.6
+BEHIND = 0.6  # share of the light from all over behind glass that it shows at roughness 1
 
 
 @dataclass

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
@@ -47,8 +49,7 @@ def import_frame(folder: Path, report, resolution: int = RESOLUTION) -> bpy.type
     meshes = {key: _read_mesh(folder / obj.mesh, report) for key, obj in frame.objects.items()}
     if not frame.cameras:
         raise SceneError(f"{folder} has no camera: add one to its scene_config.json")
-    scene = bpy.data.scenes.new(frame.name)
-    try:
+    with new_scene(frame.name) as scene:
         for key, obj in frame.objects.items():
             if meshes[key] is not None:
                 _add_object(scene, key, obj, meshes[key], folder, report)
@@ -57,10 +58,18 @@ def import_frame(folder: Path, report, resolution: int = RESOLUTION) -> bpy.type
         scene.world = create_world(frame.name, folder, frame.environment)
         add_cameras(scene, frame.cameras)
         set_up_render(scene, resolution, sum(int((mesh.sizes - 2).sum()) for mesh in meshes.values() if mesh))
+    return scene
+
+
+@contextmanager
+def new_scene(name: str) -> Iterator[bpy.types.Scene]:
+    """A scene to be filled inside; it is removed again if that fails."""
+    scene = bpy.data.scenes.new(name)
+    try:
+        yield scene
     except BaseException:
         bpy.data.scenes.remove(scene)
         raise
-    return scene
 
 
 def set_up_render(scene: bpy.types.Scene, resolution: int, triangles: int) -> None:

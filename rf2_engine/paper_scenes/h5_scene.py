@@ -74,8 +74,7 @@ def import_h5(file: Path, report, resolution: int = frame_import.RESOLUTION) -> 
     Raises SceneError for a file that is no H5 scene, and without the package h5py; OSError as the disk does.
     """
     scene_file = read_h5(file)
-    scene = bpy.data.scenes.new(file.stem)
-    try:
+    with frame_import.new_scene(file.stem) as scene:
         _add_surfaces(scene, scene_file, report)
         if scene_file.volumes is not None:
             report.skipped(file.stem, f"its {len(scene_file.volumes)} volume cells: render the file itself with "
@@ -85,9 +84,6 @@ def import_h5(file: Path, report, resolution: int = frame_import.RESOLUTION) -> 
             frame_import.add_camera(scene, Matrix(matrix.tolist()), float(degrees))
         frame_import.bind_cameras(scene)
         frame_import.set_up_render(scene, resolution, len(scene_file.triangles))
-    except BaseException:
-        bpy.data.scenes.remove(scene)
-        raise
     return scene
 
 

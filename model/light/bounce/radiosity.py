@@ -257,7 +257,7 @@ class _Bounces(NamedTuple):
                    most["transmission"], max(both - 1, 0))
 
     def at_most(self, bounces: int) -> _Bounces:
-        """Those of light that has no more than 1 or more."""
+        """Those of light that bounces so often at most, 1 or more."""
         return self._replace(all=min(self.all, bounces - 1))
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Light of the emitters: unshadowed in closed form (form_factors.py), visibility by shadow rays.
 
-Shapes: P points, E emitters (triangles first, then spheres); memory grows with P E, so direct_light.py works on chunks
+Shapes: P points, E emitters (polygons first, then spheres); memory grows with P E, so direct_light.py works on chunks
 of points. All lengths are in network units, radiance is in the units of the scene. Vectors to emitters are planes
 (3, P, E), as in form_factors.py.
 """

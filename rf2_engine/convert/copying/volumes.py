@@ -20,7 +20,7 @@ def gridded(obj, material: Material | None, instance: Instance, grids_read: dict
             report) -> CopiedVolume | None:
     """The grids of an evaluated Volume object or of a domain of gas; None, and a remark, if it shows none.
 
-    grids_read: before; new ones are added.
+    grids_read: of objects before; what is read now is added.
     """
     domain = gas_domain(obj)
     if not has_volume(material) and (material or domain):
