@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model import progress, rays
+from renderformer_v2.model.compute.threads import limited
 from renderformer_v2.model.errors import RenderCancelled
 from renderformer_v2.model.rays import EmbreeCaster, Rays
 
@@ -83,7 +84,7 @@ def test_many_rays_report_and_can_be_cancelled(monkeypatch):
     monkeypatch.setattr(rays, "CHUNK", 100)
     caster, (origin, direction) = Rays(SQUARE), some(1000)
     said = []
-    with progress.reporting(lambda text, fraction: said.append(fraction)):
+    with limited(1), progress.reporting(lambda text, fraction: said.append(fraction)):
         caster.closest(origin, direction)
     assert said == [pytest.approx(i / 10) for i in range(10)]
 
