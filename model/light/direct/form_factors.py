@@ -16,6 +16,7 @@ from torch import Tensor
 from ..vectors import cross, dot, length, unit
 
 BLUR = 1.25  # of beams by emitters, which reaches the middle of the next one of a grid of them
+EDGE_BLUR = 2.24  # of a beam's edge by the emitter: width of a smooth step that deviates as much as a disk of radius 1
 
 
 def polygon_directions(corners: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
@@ -49,14 +50,20 @@ def cosines(direction: Tensor, vector: Tensor) -> Tensor:
 def beam(direction: Tensor, sine2: Tensor, axis: Tensor, cosine: Tensor) -> Tensor:
     """(P, E) share of radiance that emitters send along `direction` within the cones of their beams.
 
-    An emitter that looks large, by its squared sine (P, E), beside a narrow cone blurs that: it is wider and as much
-    dimmer, so that emitters side by side light what lies before them evenly.
+    An emitter that looks large, by its squared sine (P, E), blurs the edge of its cone. One that looks larger than the
+    cone's core blurs all of it: that is wider and as much dimmer, so that emitters side by side light what lies before
+    them evenly.
     axis: (E, 3), 0 for emitters without a beam, whose share is 1; cosine: (E, 2), of the cone's rim and core.
     """
     rim, core = cosine.unbind(1)
-    wider = 1 + BLUR * sine2 * rim.clamp_min(0) / (1 - rim).clamp_min(1e-6)
+    core_sine2 = (1 - core.square()).clamp_min(0) * (rim > 0)  # what is before a flat light ends sharply
+    beyond = (sine2.sqrt() - core_sine2.sqrt()).clamp_min(0)
+    wider = 1 + BLUR * beyond.square() * rim.clamp_min(0) / (1 - rim).clamp_min(1e-6)
+    width = (core - rim).clamp_min(1e-6)
+    blurred = (width.square() + EDGE_BLUR ** 2 * sine2 * core_sine2).sqrt().minimum(2 - core - rim)
+    edge = (blurred - width).clamp_min(0) / 2  # at either side
     toward = -dot(direction, axis.T[:, None], 0)
-    t = (toward - rim + (1 - toward) * (1 - 1 / wider)) / (core - rim).clamp_min(1e-6)
+    t = (toward - rim + edge + (1 - toward) * (1 - 1 / wider)) / (width + 2 * edge)
     t = t.clamp(0, 1)
     return (t * t * (3 - 2 * t) / wider).where(axis.square().sum(-1) > 0.25, 1.0)
 

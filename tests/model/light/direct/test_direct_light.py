@@ -12,7 +12,7 @@ from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.direct.emitter_light import EMITTER
 from renderformer_v2.model.light.direct.emitters import gather_emitters
 from renderformer_v2.model.light.direct.environment_light import EnvironmentLight, solid_angles
-from renderformer_v2.model.light.direct.form_factors import sphere_form_factor
+from renderformer_v2.model.light.direct.form_factors import beam, sphere_form_factor
 from renderformer_v2.model.scene import RenderScene, constant_tile
 from tests.model.samples import floor_scene
 
@@ -77,6 +77,20 @@ def test_beam_limits_a_lamp_to_its_cone():
     inside, outside = (lit_by(corners, axis=axis, cosine=(0.7, 0.8)) for axis in ((0, 0, -1), (0, 0, 1)))
     assert diffuse(inside, (0, 0, 0), (0, 0, 1))[0] > 0
     assert diffuse(outside, (0, 0, 0), (0, 0, 1))[0] == 0
+
+
+@pytest.mark.parametrize("radius", [0.05, 0.15])
+def test_the_edge_of_a_beam_is_as_soft_as_the_parts_of_the_lamp_make_it(radius):
+    """Beside the mean of small lamps on a disk, whose edges are sharp."""
+    cosine, axis = torch.tensor([[math.cos(0.4), math.cos(0.38)]]), torch.tensor([[0.0, 0, -1]])
+    angle, turn = torch.linspace(0, 0.8, 60), torch.arange(2000) * 2.399963
+    toward = torch.stack([angle.sin(), 0 * angle, angle.cos()])
+    on_disk = torch.arange(0.5, 2000).div(2000).sqrt() * radius * torch.stack([turn.cos(), turn.sin()])
+    part = toward[..., None] + F.pad(on_disk, (0, 0, 0, 1))[:, None]
+    sharp = beam(part / part.norm(dim=0), torch.zeros(60, 2000), axis.expand(2000, 3), cosine.expand(2000, 2))
+    soft = beam(toward[..., None], torch.full((60, 1), radius**2), axis, cosine)[:, 0]
+    assert (soft - sharp.mean(1)).abs().max() < 0.12
+    assert (soft * angle.sin()).sum() == pytest.approx((sharp.mean(1) * angle.sin()).sum().item(), rel=0.05)
 
 
 def test_fine_emissive_meshes_are_merged_without_losing_light():
