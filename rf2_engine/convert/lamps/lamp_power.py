@@ -42,6 +42,7 @@ def compute_lamp_light(light, name: str, report, frame: np.ndarray, distance: fl
         strength = strength * np.array(light.temperature_color)
     if light.node_tree is not None:
         strength = strength * _emission(light, name, report, frame, distance)
+    strength = np.where(np.isinf(strength), np.nan, strength)  # Cycles drops light that is not finite
     strength = report.finite(name, "its strength", strength)
     if not light.use_shadow:
         report.approximated(name, "in estimated light it casts shadows, although its shadows are disabled")

@@ -62,6 +62,13 @@ def test_lamp_is_as_bright_as_in_cycles(settings, scale):
         assert len(coarse) <= 20 and len(coarse) < len(converted(obj)) or obj.data.type == "AREA"
 
 
+def test_a_lamp_of_infinite_strength_gives_no_light_as_in_cycles():
+    empty_cycles_scene()
+    report = Report()
+    assert not len(converted(lamp("POINT", POSE, energy=float("inf")), report))
+    assert any("its strength has values that are infinite" in line for line in report.lines())
+
+
 @pytest.mark.parametrize("angle", [0.3, 0.45, 0.55, 0.65])
 @pytest.mark.parametrize("scale", [(1, 1, 1), (1.5, 1.5, 1)])
 def test_spot_cone_and_blend_follow_cycles(angle, scale):
