@@ -88,7 +88,8 @@ def _shown_facets(ring: Tensor, v: Tensor, alpha: Tensor) -> Tensor:
     Its z is 2 pi times their share of the area that all facets show; across, the surface is stretched to alpha = 1.
     """
     shown, is_up = torch.zeros_like(v), ring[:, 2] > 0
-    for where, within in ((is_up.all(0), _within_ring), (is_up.any(0) & ~is_up.all(0), _within_cut_ring)):
+    is_whole = is_up.all(0)
+    for where, within in ((is_whole, _within_ring), (is_up.any(0) & ~is_whole, _within_cut_ring)):
         row = where.nonzero()[:, 0]
         if len(row):
             shown[:, row] = within(ring[..., row], partial(_mirroring_facets, v[:, row], alpha[row]))
