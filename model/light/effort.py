@@ -37,4 +37,4 @@ class Effort:
 FULL = Effort()
 QUICK = Effort(rays=1 / 3, probe_rays=2 / 3, most_more=1.0, shadow_grid=2, probe_grid=4, closer=1, smoothings=1,
                walls=False, network=False, edges=False)
-DRAFT = Effort(rays=1 / 6, patches=0.5, walls=False)  # of light between surfaces, until the network is done
+DRAFT = Effort(rays=1 / 6, patches=1 / 6, walls=False)  # of light between surfaces, until the network is done

@@ -26,9 +26,7 @@ from .patch_lobes import PatchLobes
 from .patches import Patches
 from .polished import PolishedMetal
 
-LEAST_RELIABLE = 1e-3  # weight of a point that sees backs alone beside one that sees none
-FOG_RAYS = 8           # of a point, along which in-scattering is computed
-UNLIKE = 0.25          # difference of the shares of visible sky at which a point's weight is 1/e
+FOG_RAYS = 8  # of a point, along which in-scattering is computed
 
 
 @dataclass
@@ -40,7 +38,6 @@ class Gathered:
     share: Tensor      # (P, R + A) share of the radiance from there that arrives, times the weight of the ray
     sky: Tensor        # (P, R, 1) or (P, R, 3) share of the sky's radiance that arrives where nothing is hit
     through: Tensor    # (P, 3) mean radiance of media, and of the sky behind glass
-    distance: Tensor   # (P, R), network units to what is hit; infinite where nothing is
     fire: Tensor | None = None  # (P, 3) mean radiance of fire, which is not in `through`; None without any
     # (M,) numbers among all P R rays, and (M, 3) the radiance that these see besides: the sky behind glass, unless rays
     # were aimed, and in polished metal; and lamps in that
@@ -49,15 +46,12 @@ class Gathered:
     tint: Tensor | None = None  # (P, R + A, 3) colour of `share`, whose mean is 1; None where nothing has one
     excess: Tensor | None = None  # (P, R + A) as of PatchLobes; None without any
 
-    def merged(self, weight: Tensor) -> Gathered:
-        """Every K consecutive points as one; weight: (P / K, K), whose means are 1."""
-        count, row_weight = weight.shape[1], weight.reshape(-1, 1)
-        by_ray = self.direction, self.side, row_weight * self.share, row_weight[..., None] * self.sky, self.distance
-        join = lambda x: x.reshape(-1, count * x.shape[1], *x.shape[2:])  # noqa: E731
-        *merged, distance = map(join, by_ray)
-        tint, excess = (None if x is None else join(x) for x in (self.tint, self.excess))
-        return Gathered(*merged, (row_weight * self.through).view(-1, count, 3).mean(1), distance, tint=tint,
-                        excess=excess)
+    @classmethod
+    def joined(cls, parts: list[Gathered]) -> Gathered:
+        """Of some points and others, but for what they see besides."""
+        of_parts = {name: [getattr(some, name) for some in parts] for name in (
+            "direction", "side", "share", "sky", "through", "fire", "tint", "excess")}
+        return cls(**{name: None if some[0] is None else torch.cat(some) for name, some in of_parts.items()})
 
     def radiance(self, leaving: Tensor, weight: Tensor | None = None) -> Tensor:
         """(P, C) mean of what arrives of the radiance (sides, C) that leaves the patches, RGB any number of times.
@@ -103,7 +97,6 @@ class GatherScene:
         device, rays = direct.device, scene_rays(scene)
         self.count = len(patches.center)
         self._facing = F.pad(patches.facing, (0, 0, 0, 1)).to(device)  # of triangles
-        self.size = patches.vector.norm(dim=-1).clamp_min(1e-20).sqrt().repeat(2).to(device)  # of fronts, then of backs
         # The row behind all patches stands for "nothing", and for emitters, whose light is no indirect one.
         self.patch = F.pad(patches.patch, (0, 1), value=self.count).to(device)
         self._refracts = scene.has_caustics["refractive"]
@@ -200,7 +193,7 @@ class GatherScene:
             balanced[:, rays:] *= piece.view(-1, total)[:, rays:] == target
             share = share * balanced.flatten()
         return Gathered(direction.view(-1, total, 3)[:, :rays], side.view(-1, total), share.view(-1, total), sky,
-                        through, distance.view(-1, total)[:, :rays], fire, skies, highlights, color, excess)
+                        through, fire, skies, highlights, color, excess)
 
     def hit_sides(self, triangle: Tensor, weights: Tensor, direction: Tensor) -> Tensor:
         """(N,) sides, as Gathered has them, of the patches that rays (N, 3) hit.
@@ -214,23 +207,6 @@ class GatherScene:
         patch, count = self._seen[piece], self.count
         is_back = dot(self._facing.index_select(0, piece), direction) > 0
         return torch.where(patch < count, patch + count * is_back, 2 * count)
-
-    def reliability(self, gathered: Gathered, count: int) -> Tensor:
-        """(P / count, count) weights of each `count` consecutive points of a patch, 1 in the mean.
-
-        A point that something covers, as walls cover the rim of a floor, sees the insides of that: backs. Few that see
-        more of the sky than the others are on the other side of a wall. And what is near to something else, such as
-        the floor under a ball, sends its light to that alone: others see the rest of the patch.
-        """
-        size = self.size.repeat_interleave(count)[:, None]
-        far = (gathered.distance / size).clamp(max=1).mean(1).view(-1, count)
-        side = gathered.side[:, :gathered.direction.shape[1]]
-        is_back = (side >= self.count) & (side < 2 * self.count)
-        sees_sky = gathered.sky.amax(-1) > 0
-        backs, sky = (x.to(gathered.share.dtype).mean(1).view(-1, count) for x in (is_back, sees_sky))
-        unlike = (sky - sky.median(1, keepdim=True).values) / UNLIKE
-        weight = (far * (1 - backs)).clamp_min(LEAST_RELIABLE) * (-unlike.square()).exp()
-        return weight / weight.mean(1, keepdim=True)
 
 
 def _joined(seen: tuple[Tensor, Tensor] | None, more: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:

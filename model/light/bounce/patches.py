@@ -21,16 +21,16 @@ from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, BOUNCED, REFLECTING, SOLID, STRAIGHT_THROUGH, clear_tiles, is_kind
 from ..direct.emitter_light import NearEmitters
 from ..fresnel import layer_albedo
-from ..sampling import R2, hashed_starts, triangle_weights
+from ..sampling import hashed_starts, triangle_weights
 from .grouping import group_elements, group_patches
 from .openness import Openness
 from .subdivision import PieceLocator, Subdivision
 
-PATCHES = 4096
+PATCHES = 1 << 15
 NEAR = 0.5           # network units from the origin within which patches get no smaller: half a side of the box
 NEAR_EMITTER = 0.03  # the same from an emitter
 BY_EMITTERS = 0.5    # share of all patches that is distributed by the distance to emitters
-SPLIT_AT_ONCE = 64   # triangles that are split before the largest are searched again
+SPLIT_AT_ONCE = 512  # triangles that are split before the largest are searched again
 TRANSMITTED = 0.5    # share of a glass's light that spreads to either side like that of a diffuse lobe
 LEAST_SOLID = 0.02   # share that does not pass straight, of a surface that light passes straight
 LEAST_ALONG = 0.2    # of a shading normal along the normal
@@ -73,8 +73,8 @@ class Patches:
     def _vectors(self) -> Tensor:
         return torch.from_numpy(area_vectors(self.corners.numpy()))
 
-    def points(self, count: int) -> tuple[Tensor, Tensor, Tensor]:
-        """(S, count, 3) points spread evenly over the fronts of the patches, their unit normals, and those for shading.
+    def points(self) -> tuple[Tensor, Tensor, Tensor]:
+        """(S, 3) a point on the front of each patch, unit normals there, and those for shading.
 
         As in Cycles, light falls by the latter, but only on what it meets from the front.
         """
@@ -83,29 +83,28 @@ class Patches:
         cumulative = vector.norm(dim=-1)[order].double().cumsum(0)  # area up to the end of each triangle, by patch
         ends = cumulative[self.patch[order].bincount(minlength=len(self.center)).cumsum(0) - 1]
         begins = F.pad(ends[:-1], (1, 0))
-        start = hashed_starts(self.center, 3)
-        k = torch.arange(count)
-        share = (k + start[:, :1]) / count
-        row = torch.searchsorted(cumulative, begins[:, None] + share * (ends - begins)[:, None])
+        share, u, v = hashed_starts(self.center, 3).T
+        row = torch.searchsorted(cumulative, begins + share * (ends - begins))
         triangle = order[row.clamp(max=len(order) - 1)]
-        u, v = ((k * step + start[:, i + 1:i + 2]) % 1 for i, step in enumerate(R2))
         weights = triangle_weights(u, v)[..., None]
         normal = F.normalize(vector[triangle], dim=-1)
-        shading = self.turned[triangle] * F.normalize((weights * self.normals[triangle]).sum(2), dim=-1)
+        shading = self.turned[triangle] * F.normalize((weights * self.normals[triangle]).sum(1), dim=-1)
         along = (shading * normal).sum(-1, keepdim=True)
         shading = F.normalize(shading + (LEAST_ALONG - along).clamp_min(0) * normal, dim=-1)
-        return (weights * self.corners[triangle]).sum(2), normal, shading
+        return (weights * self.corners[triangle]).sum(1), normal, shading
 
 
 def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
                  openness: Openness | None = None) -> Patches:
-    """At most `share` of PATCHES patches of a normalised scene; with `openness` none is on both sides of a wall."""
+    """At most `share` of PATCHES patches of a normalised scene; with `openness` none is on both sides of a wall, and
+    there may be half as many more."""
     most = round(share * PATCHES)
     kinds = scene_rays(scene).trees.kinds
     subdivision = Subdivision(scene.surfaces.triangles, scene_rays(scene).rows(REFLECTING, BOUNCED))
     _split(subdivision, emitters, most)
     if openness:
         openness.cut(subdivision, round(CUT * most))
+        most += round(CUT * most)
     corners, source = subdivision.pieces()
     token = scene.surfaces.token[source]
     means, translucence = _solid_means(scene)
@@ -116,7 +115,7 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     vector = _sums(area_vectors(corners), element)
     center, token = corners[largest].mean(axis=1), token[largest]
     solid, glass = (is_kind(kinds[source], some) for some in (SOLID | STRAIGHT_THROUGH, BENDING))
-    is_open = openness.kinds(corners[largest]) if openness else np.zeros(len(center), np.int64)
+    is_open = openness.kinds(corners[largest]) if openness and len(center) > most else np.zeros(len(center), np.int64)
     group = scene.seldom("group")[token]
     apart = is_open + (is_open.max(initial=0) + 1) * group  # no patch is of two groups
     center, vector, material, patch = _merge(*map(torch.from_numpy, (
@@ -179,6 +178,7 @@ def _split(subdivision: Subdivision, emitters: NearEmitters, most: int) -> None:
         if not len(fresh):
             break
         size = np.concatenate([np.delete(size, large), _apparent_size(subdivision.corners[fresh], emitters)])
+        size[subdivision.is_deepest] = 0
 
 
 def _apparent_size(corners: np.ndarray, emitters: NearEmitters) -> np.ndarray:

@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor
-from torch.nn import functional as F
 
+from ...compute.inference import current_pieces
+from ...compute.threads import shared
 from ...progress import part
 from ...scene import ANY, RenderScene
 from ...scene_rays import scene_rays
@@ -25,6 +26,7 @@ from ..direct.direct_light import DirectLight
 from ..direct.environment_light import LIFT
 from ..effort import FULL, Effort
 from ..fresnel import schlick
+from ..probes import CHUNK
 from ..sampling import cosine_directions, ggx_directions, hashed_starts, r2_starts
 from .bright_patches import importance_by_arrival, importance_by_power
 from .final_gather import Gathered, GatherScene
@@ -34,11 +36,10 @@ from .patches import PATCHES, STEEP, make_patches
 
 # At most: more add next to nothing. The last diffuse one is that at the point.
 DIFFUSE_BOUNCES, GLOSSY_BOUNCES = 12, 2
-PATCH_RAYS = 64   # from each side of a patch
-PATCH_AIMED = 32  # rays more towards bright patches
-POINTS = 4        # of a patch, at which emitters light it and from which its rays start
-SHADOW_RAYS = 1 << 19  # from all patches to emitters; fewer points where there are many, but one at least
-SKY_RAYS = 64     # from each side of a patch, to the sky
+PATCH_RAYS = 16   # from each side of a patch
+PATCH_AIMED = 8   # rays more towards bright patches
+SKY_RAYS = 16     # from each side of a patch, to the sky
+SHADOW_RAYS = 1 << 22  # from all patches to emitters; there are fewer patches where these are many
 RAYS = 24         # from a point
 AIMED = 12        # rays more towards bright patches
 GLOSSY_RAYS = 16  # from a point, within its glossy lobe
@@ -73,13 +74,13 @@ class Radiosity:
         openness = None
         if effort.walls:
             openness = Openness(scene, direct.occluders, direct.device)
-        patches = make_patches(scene, emitters, effort.patches, openness)
+        share = min(SHADOW_RAYS / (2 * PATCHES * max(len(emitters.power_share), 1)), effort.patches)
+        patches = make_patches(scene, emitters, share, openness)
         with part(0.0, 0.2):
             self.gather_scene = GatherScene(scene, patches, direct)
-        count = min(max(SHADOW_RAYS // (2 * PATCHES * max(len(emitters.power_share), 1)), 1), effort.of(POINTS))
-        # All fronts, then all backs, here and below; the points of a patch follow each other.
-        points, normals, shading = patches.points(count)
-        x, normals, n = (torch.cat(sides).flatten(0, 1).to(direct.device) for sides in (
+        # All fronts, then all backs, here and below.
+        points, normals, shading = patches.points()
+        x, normals, n = (torch.cat(sides).to(direct.device) for sides in (
             (points, points), (normals, -normals), (shading, -shading)))
         albedo, of_layer = (torch.cat(sides).to(direct.device) for sides in (
             (patches.albedo, patches.back_albedo), (patches.layer, patches.back_layer)))
@@ -88,41 +89,34 @@ class Radiosity:
             metal = layer = torch.zeros_like(diffuse)
         translucent = patches.translucent.repeat(2, 1).to(direct.device) if patches.translucent.any() else None
         lit = partial(_through, translucent)
-        f0, roughness = of_layer.repeat_interleave(count, 0).unbind(1)
+        f0, roughness = of_layer.unbind(1)
         area = patches.vector.norm(dim=-1).to(direct.device)
         size = patches.weight.repeat(2).to(direct.device)
         self._most = _Bounces.of(scene)
-        group = torch.from_numpy(patches.group).repeat(2).repeat_interleave(count)
+        group = torch.from_numpy(patches.group).repeat(2)
         with part(0.2, 0.4):
-            lights = self._light_by_bounces(direct, x, n, f0, roughness, group, effort.of(SKY_RAYS) // count)
+            lights = self._light_by_bounces(direct, x, n, f0, roughness, group, effort.of(SKY_RAYS))
         with part(0.4, 0.5):
             self.caustics, caustic_light = self._trace_caustics(
                 scene, direct.reaching(bounces=lambda bounces: bounces >= THROUGH_GLASS), area, effort.of(PHOTONS))
-        firsts, glossy_firsts = {}, {}  # (sides, points, 3), the latter a part of the former
+        firsts, glossy_firsts = {}, {}  # (sides, 3), the latter a part of the former
         for most, (white, slanting, _) in lights.items():
-            white, slanting = (light.view(-1, count, 3) for light in (white, slanting))
-            glossy_firsts[most] = STEEP * metal[:, None] * white + layer[:, None] * slanting
-            firsts[most] = diffuse[:, None] * lit(white) + glossy_firsts[most]
+            glossy_firsts[most] = STEEP * metal * white + layer * slanting
+            firsts[most] = diffuse * lit(white) + glossy_firsts[most]
         glow = patches.glow.repeat(2, 1).to(direct.device)
         self.glow = glow if glow.any() else None
-        self.gather_scene.aim(importance_by_power(sum(firsts.values()).mean(1) + glow, size))
+        self.gather_scene.aim(importance_by_power(sum(firsts.values()) + glow, size))
         if (metal + layer).any():
-            self.gather_scene.spread(_lobes(lights, metal, layer, of_layer, normals.view(-1, count, 3)))
+            self.gather_scene.spread(_lobes(lights, metal, layer, of_layer, normals))
         with part(0.6, 1.0):
-            start = hashed_starts(x, 2)
-            gathered = self.gather_scene.gather(x, n, cosine_directions(n, effort.of(PATCH_RAYS) // count, start),
-                                                effort.of(PATCH_AIMED) // count, start)
-            gathered.share[:, :gathered.direction.shape[1]] *= (gathered.direction @ normals[..., None])[..., 0] > 0
-            weight = self.gather_scene.reliability(gathered, count)
-            fire = None if gathered.fire is None else (weight[..., None] * gathered.fire.view(-1, count, 3)).mean(1)
-            gathered = gathered.merged(weight)
-            fire = self._with_glow(fire, gathered)
+            gathered = self._exchanged(x, n, normals, effort)
+            fire = self._with_glow(gathered.fire, gathered)
         glossy = metal + layer
         through = (diffuse + glossy) * lit(gathered.through + caustic_light)
         # (sides, 3) radiance that leaves all sides of patches, and what of it has bounced diffusely, or through glass
         self.leaving = self.bounced_before = self._of_lobes = torch.zeros_like(through)
         for most in firsts:
-            first, of_lobes = ((weight[..., None] * light[most]).mean(1) for light in (firsts, glossy_firsts))
+            first, of_lobes = firsts[most], glossy_firsts[most]
             if fire is not None and most == ANY:
                 first = first + (diffuse + glossy) * lit(fire)
             before = through if most == ANY else torch.zeros_like(through)
@@ -169,6 +163,17 @@ class Radiosity:
         flux.index_add_(0, side, photons.flux)
         return (PhotonMap(photons.position, photons.normal, photons.flux, lit_surfaces(scene)),
                 flux[:-1] / (math.pi * area.clamp_min(1e-20).repeat(2)[:, None]))
+
+    def _exchanged(self, x: Tensor, n: Tensor, normals: Tensor, effort: Effort) -> Gathered:
+        """What rays from points of patches (sides, 3) hit, of unit normals and, for shading, n (sides, 3)."""
+        def gather(x: Tensor, n: Tensor, normals: Tensor, start: Tensor) -> Gathered:
+            direction = cosine_directions(n, effort.of(PATCH_RAYS), start)
+            gathered = self.gather_scene.gather(x, n, direction, effort.of(PATCH_AIMED), start)
+            gathered.share[:, :direction.shape[1]] *= (direction @ normals[..., None])[..., 0] > 0
+            return gathered
+
+        of_all, chunk = (x, n, normals, hashed_starts(x, 2)), current_pieces().limit(CHUNK)
+        return Gathered.joined(shared(gather, *(values.split(chunk) for values in of_all)))
 
     def diffuse(self, position: Tensor, normal: Tensor, number: Tensor | None = None, effort: Effort = FULL,
                 with_sky: bool = True) -> DiffuseLight:
@@ -274,20 +279,19 @@ def _chains(gathered: Gathered, first: Tensor, through: Tensor, most: _Bounces) 
 
 
 def _through(translucent: Tensor | None, light: Tensor) -> Tensor:
-    """Of light (sides, ...) that arrives at fronts, then backs, with a share (sides, 1) of the other side's."""
+    """Of light (sides, 3) that arrives at fronts, then backs, with a share (sides, 1) of the other side's."""
     if translucent is None:
         return light
-    share = translucent.view(-1, *(1,) * (light.ndim - 1))
-    return torch.lerp(light, light.roll(len(light) // 2, 0), share)
+    return torch.lerp(light, light.roll(len(light) // 2, 0), translucent)
 
 
 def _lobes(lights: dict[int, tuple[Tensor, ...]], metal: Tensor, layer: Tensor, of_layer: Tensor,
            normals: Tensor) -> PatchLobes:
-    """The lobes of sides with albedos (sides, 3) and `of_layer` (sides, 2), by normals at points (sides, points, 3)."""
-    light, toward = (sum(kinds).view_as(normals).mean(1) for kinds in list(zip(*lights.values(), strict=True))[1:])
+    """The lobes of sides with albedos and normals (sides, 3) and `of_layer` (sides, 2)."""
+    light, toward = (sum(kinds) for kinds in list(zip(*lights.values(), strict=True))[1:])
     metal, layer = metal.mean(1), layer.mean(1)
     f0, roughness = of_layer.unbind(1)
-    return PatchLobes(F.normalize(normals.mean(1), dim=-1), toward / light.mean(1, keepdim=True).clamp_min(1e-20),
+    return PatchLobes(normals, toward / light.mean(1, keepdim=True).clamp_min(1e-20),
                       torch.lerp(f0, torch.ones_like(f0), metal / (metal + layer).clamp_min(1e-9)), roughness)
 
 

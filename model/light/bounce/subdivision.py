@@ -9,7 +9,7 @@ from torch import Tensor
 from ...geometry import area_vectors, quartered
 
 CANDIDATES = 1 << 14  # triangles, the largest, that may be quartered
-DEEPEST = 7           # times
+DEEPEST = 8           # times
 
 
 class Subdivision:
@@ -30,13 +30,18 @@ class Subdivision:
 
     def quarter(self, chosen: np.ndarray) -> np.ndarray:
         """Quarter pieces by their rows; returns the rows (K,) of the new ones, all behind the others."""
-        chosen = chosen[self._depth[chosen] < DEEPEST]
+        chosen = chosen[~self.is_deepest[chosen]]
         rest = np.delete(np.arange(len(self.corners)), chosen)
         self.corners, self._weights = (np.concatenate([x[rest], quartered(x[chosen])])
                                        for x in (self.corners, self._weights))
         self.source, self._depth = (np.concatenate([x[rest], np.tile(more, 4)]) for x, more in (
             (self.source, self.source[chosen]), (self._depth, self._depth[chosen] + 1)))
         return np.arange(len(rest), len(self.corners))
+
+    @property
+    def is_deepest(self) -> np.ndarray:
+        """(C,) bool, pieces that `quarter` leaves as they are."""
+        return self._depth == DEEPEST
 
     def pieces(self) -> tuple[np.ndarray, np.ndarray]:
         """Corners (S, 3, 3) and sources (S,) of all pieces, those that stayed whole behind the others."""
