@@ -24,6 +24,7 @@ SMOOTH, UNSMOOTHED = (1, 2), ()  # distances in probes of the 5x5 filters applie
 
 Light = dict[str, Tensor]           # by name, (P, C)
 ComputeLight = Callable[..., Light]  # of positions, normals (P, 3), numbers (P,), ...
+Difference = Callable[[Tensor, Tensor], Tensor]  # of the first light of probes, RGB (..., 3) -> (...), 0 if they agree
 Weights = tuple[Tensor, Tensor]     # numbers of the probes around pixels, row by row, and their weights, (P, K) both
 
 
@@ -57,12 +58,12 @@ class Probes:
         self._neighbours = {}
 
     def interpolate(self, compute: ComputeLight, *per_pixel: Tensor, where: Tensor | None = None,
-                    filters: Iterable[int] = UNSMOOTHED, difference: float | None = None) -> Light:
+                    filters: Iterable[int] = UNSMOOTHED, difference: Difference | None = None) -> Light:
         """Pictures (h, w, C) of the light that compute(position, normal, number, *per_pixel) returns for probes.
 
         per_pixel: (h, w, ...), further inputs, given for the probes. where: (h, w, 1) bool, the pixels that need
-        light, by default all that are covered; it is 0 elsewhere. filters: see SMOOTH. With a `difference` probes whose
-        first light differs by so much count 1/e in all filters but the first.
+        light, by default all that are covered; it is 0 elsewhere. filters: see SMOOTH; in all but the first, probes
+        between which a `difference` is 1 count 1/e for each other.
         """
         where = self.picture[2] if where is None else where
         is_valid = self.at_probes(where).flatten()
@@ -74,7 +75,7 @@ class Probes:
         return dict(zip(sizes, light.split(list(sizes.values()), -1), strict=True))
 
     def _interpolate(self, compute: ComputeLight, per_pixel: tuple[Tensor, ...], where: Tensor, is_valid: Tensor,
-                     at: Tensor, light: Tensor, filters: Iterable[int], difference: float | None) -> Tensor:
+                     at: Tensor, light: Tensor, filters: Iterable[int], difference: Difference | None) -> Tensor:
         table = _with_weight(light.new_zeros(len(is_valid), light.shape[1]), at, light, is_valid)
         for i, spread in enumerate(filters):
             table = self._filter(table, spread, difference if i else None)
@@ -139,14 +140,14 @@ class Probes:
                 weights.append((y[:, None] * z * weight).flatten())
         return torch.stack(numbers, -1), torch.stack(weights, -1)
 
-    def _filter(self, table: Tensor, spread: int, difference: float | None) -> Tensor:
+    def _filter(self, table: Tensor, spread: int, difference: Difference | None) -> Tensor:
         """The same table with each probe the mean of 5x5 that stand `spread` apart."""
         if spread not in self._neighbours:
             self._neighbours[spread] = self._neighbour_weights(spread)
         number, weight = self._neighbours[spread]
         if difference is not None:
-            apart = (table[number] - table[:, None])[..., :3].abs().amax(-1)
-            weight = weight * (-(apart / difference).square()).exp()
+            light = table[:, :3]
+            weight = weight * (-difference(light[number], light[:, None]).square()).exp()
         total = weighted_rows(table, number, weight)
         return torch.where(total[:, -1:] > 0, total / total[:, -1:].clamp_min(1e-12), table) * table[:, -1:]
 

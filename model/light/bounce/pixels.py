@@ -15,6 +15,7 @@ from ..probes import SMOOTH, ComputeLight, Probes
 from ..specular.paths import BLURRED
 from .radiosity import DiffuseLight, GlossyLight, Radiosity
 
+CONTRAST = 0.15     # of the bounced light of two probes, at which they count 1/e for each other
 LEAST_RATIO = 1e-3  # diffuse over glossy albedo, below which the diffuse lobe is invisible
 
 
@@ -28,7 +29,7 @@ def diffuse_bounces(radiosity: Radiosity, probes: Probes, filters: Iterable[int]
         light = radiosity.diffuse(x, n, number, effort, with_sky)
         return _named(light if with_sky else light._replace(fire=None))
 
-    pictures = probes.interpolate(compute, filters=filters)
+    pictures = probes.interpolate(compute, filters=filters, difference=_contrast)
     return pictures["indirect"], pictures.get("sky"), pictures.get("fire")
 
 
@@ -88,6 +89,11 @@ def outgoing_radiance(radiosity: Radiosity, direct: DirectLight | None, effort: 
             return {"bounced": bounced}
         arriving = direct.diffuse(x, n, direct.visibility(x, n, sky_rays=effort.of(SKY_RAYS)))
         return {"bounced": bounced, "complete": bounced + (arriving if fire is None else arriving + fire)}
+
+
+def _contrast(light: Tensor, other: Tensor) -> Tensor:
+    """(...,) of RGB (..., 3): it changes fast where surfaces touch."""
+    return ((light - other).abs() / (light + other).clamp_min(1e-9)).amax(-1) / CONTRAST
 
 
 def _named(light: DiffuseLight | GlossyLight) -> dict[str, Tensor]:

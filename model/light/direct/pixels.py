@@ -67,8 +67,13 @@ def _shadows(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, effort:
         grid = min(max(shadow_grid(len(direct.emitters)), effort.shadow_grid), grid)
     pictures = Probes(*probes.picture, grid, grid, probes.separation).interpolate(
         partial(_trace_shadows, direct, effort), -surfaces.rays, surfaces.roughness, surfaces.f0,
-        filters=SMOOTH[:effort.smoothings], difference=PENUMBRA)
+        filters=SMOOTH[:effort.smoothings], difference=_contrast)
     return pictures["diffuse"], pictures["glossy"]
+
+
+def _contrast(visibility: Tensor, other: Tensor) -> Tensor:
+    """(...,) of RGB (..., 3)."""
+    return (visibility - other).abs().amax(-1) / PENUMBRA
 
 
 def _trace_shadows(direct: DirectLight, effort: Effort, x: Tensor, n: Tensor, number: Tensor,
