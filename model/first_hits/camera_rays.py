@@ -55,9 +55,7 @@ class CameraRays:
 
     def sample(self, pixel: np.ndarray) -> Samples:
         """K rays through pixels by number (E,), row by row, at SAMPLE_POINTS."""
-        row, column = np.divmod(pixel[:, None], self._view.width)
-        rays = view_rays_at(self._view, column + SAMPLE_POINTS[:, 0], row + SAMPLE_POINTS[:, 1])[1].reshape(-1, 3)
-        hits = self.closest(rays)
+        rays, hits = self._through(pixel, SAMPLE_POINTS)
         hit = hits.triangle >= 0
         triangle, weights = hits.triangle[hit], hits.weights[hit]
         token = np.full(len(rays), -1, np.int32)
@@ -68,6 +66,25 @@ class CameraRays:
         values[2:, hit] = lobe_colors(self._scene, token[hit], on_token)
         position, normal, *colors = values.reshape(5, len(pixel), len(SAMPLE_POINTS), 3)
         return Samples(token.reshape(position.shape[:2]), position, normal, np.stack(colors))
+
+    def emission(self, pixel: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """(E, 3) mean radiance of emitters that `count` rays through each of the pixels (E,) meet, a power of two.
+
+        And the share (E,) of rays that meet any.
+        """
+        scene, points, means = self._scene, sample_points(count), np.zeros((len(pixel), 4), np.float32)
+        radiance = scene.emission + scene.surface_glow
+        table = np.pad(np.column_stack([radiance, radiance.any(axis=1)]), ((0, 1), (0, 0)))  # the last row: nothing
+        token = np.append(scene.surfaces.token, -1)
+        for rows in np.array_split(np.arange(len(pixel)), len(pixel) * count // (BATCH * SAMPLES) + 1):
+            means[rows] = table[token[self._through(pixel[rows], points)[1].triangle]].reshape(-1, count, 4).mean(1)
+        return means[:, :3], means[:, 3]
+
+    def _through(self, pixel: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, Hits]:
+        """Rays (E K, 3) through pixels (E,) at `points` (K, 2), and what they hit."""
+        row, column = np.divmod(pixel[:, None], self._view.width)
+        rays = view_rays_at(self._view, column + points[:, 0], row + points[:, 1])[1].reshape(-1, 3)
+        return rays, self.closest(rays)
 
     def sample_batches(self, pixel: np.ndarray, size: int = BATCH) -> Iterator[tuple[np.ndarray, Samples]]:
         """Samples of up to so many pixels of `pixel` (E,) at a time, and which of the E they are."""
@@ -91,7 +108,7 @@ def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float,
     return guides.guides()
 
 
-def _sample_points(count: int) -> np.ndarray:
+def sample_points(count: int) -> np.ndarray:
     """(count, 2) x and y in a pixel and beyond, distributed like the filter; count is a power of two."""
     t = np.linspace(0, 1, 1025)
     signed = zip(BLACKMAN_HARRIS, (1, -1, 1, -1), strict=True)
@@ -101,4 +118,4 @@ def _sample_points(count: int) -> np.ndarray:
     return 0.5 + FILTER_WIDTH * (np.interp(uniform, np.cumsum(density) / density.sum(), t) - 0.5)
 
 
-SAMPLE_POINTS = _sample_points(SAMPLES)
+SAMPLE_POINTS = sample_points(SAMPLES)
