@@ -16,6 +16,7 @@ from ..scene import Guides, RenderScene, View
 from ..scene_rays import scene_rays
 from ..shading import on_tokens, shading_normals
 from ..surface_kinds import SEEN, Ray
+from . import glass_from_inside
 from .at_pixels import Materials
 from .from_rays import AccumulatedGuides, lobe_colors
 
@@ -105,7 +106,7 @@ def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float,
         with part(i / len(positions), (i + 1) / len(positions), FINDING):
             hits = camera.closest(rays.reshape(-1, 3))
             guides.add(rays, hits.triangle, hits.weights)
-    return guides.guides()
+    return glass_from_inside.with_reflectance(guides.guides(), scene, view)
 
 
 def sample_points(count: int) -> np.ndarray:
