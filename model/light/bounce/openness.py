@@ -10,19 +10,21 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ...compute.threads import shared
-from ...geometry import area_vectors, dot
+from ...geometry import area_vectors
 from ...progress import standing_still
 from ...scene import RenderScene
 from ..direct.environment_light import LIFT
 from ..sampling import cosine_directions, hashed_starts
 from ..tensor_rays import TensorRays
+from ..vectors import dot
 from .subdivision import Subdivision
 
-LARGEST = 2048   # triangles, the largest, that are tested in each round
+LARGEST = 16384  # triangles, the largest, that are tested in each round
 RAYS = 8         # from a point to each side
 COVERED = 0.75   # share of rays that hit backs, from which on a point is inside of something
 OUTSIDE = 0.2    # share of rays that hit nothing, from which on it is outside
-POINTS = (1 / 3, 1 / 3), (0.94, 0.03), (0.03, 0.94), (0.03, 0.03)  # weights of two corners, the middle first
+MIDDLE = 1 / 3, 1 / 3  # weights of two corners
+CORNERS = (0.94, 0.03), (0.03, 0.94), (0.03, 0.03)  # what cuts through a triangle has them on either side
 UNLIKE = 0.3     # difference between the shares of rays that hit nothing, from which on a triangle is quartered
 BURIED = 0.4     # weight of the same difference for rays that hit backs
 ROUNDS = 5       # that a triangle is quartered at most
@@ -32,12 +34,12 @@ class Openness:
     """What rays from points hit of the surfaces of a scene that stop light."""
 
     def __init__(self, scene: RenderScene, rays: TensorRays, device: torch.device):
-        self.rays, self.device, triangles = rays, device, scene.surfaces.triangles
-        self.triangles = triangles if len(triangles) else np.zeros((1, 3, 3), np.float32)
+        self.rays, self.device, vectors = rays, device, area_vectors(scene.surfaces.triangles)
+        self._vectors = F.pad(torch.from_numpy(vectors).to(device), (0, 0, 0, 1))  # the last one is that of nothing
 
     def kinds(self, corners: np.ndarray) -> np.ndarray:
         """(N,) i64, equal for triangles (N, 3, 3) whose middles are open to the same on both sides."""
-        shares = self._shares(corners, POINTS[0])
+        shares = self._shares(corners, MIDDLE)
         kind = (shares[..., 0] > COVERED) + 2 * (shares[..., 1] > OUTSIDE)
         return 3 * kind[:, 0] + kind[:, 1]
 
@@ -51,8 +53,8 @@ class Openness:
     def _side(self, x: Tensor, n: Tensor) -> Tensor:
         direction = cosine_directions(n, RAYS, hashed_starts(x, 2)).flatten(0, 1)
         hits = self.rays.nearest((x + LIFT * n).repeat_interleave(RAYS, 0), direction)
-        missed, normal = hits.distance.isinf(), area_vectors(self.triangles[hits.triangle.cpu().numpy()])
-        is_back = torch.from_numpy(dot(normal, direction.cpu().numpy()) > 0).to(self.device) & ~missed
+        missed = hits.distance.isinf()
+        is_back = (dot(self._vectors[hits.triangle], direction) > 0) & ~missed
         return torch.stack([is_back, missed], 1).view(-1, RAYS, 2).float().mean(1)
 
     def cut(self, subdivision: Subdivision, most: int) -> None:
@@ -63,7 +65,7 @@ class Openness:
             area = np.linalg.norm(area_vectors(corners), axis=1)
             large = np.argsort(-area, kind="stable")[:LARGEST]
             with standing_still():
-                shares = np.stack(shared(partial(self._shares, corners[large]), POINTS, device=self.device))
+                shares = np.stack(shared(partial(self._shares, corners[large]), CORNERS, device=self.device))
             apart = (np.ptp(shares, axis=0) * (BURIED, 1)).max(axis=(1, 2))
             order = np.argsort(-apart * area[large], kind="stable")
             chosen = fresh[large[order[apart[order] > UNLIKE]]][:most // 3]
