@@ -15,7 +15,7 @@ from ..probes import SMOOTH, ComputeLight, Probes
 from ..specular.paths import BLURRED
 from .radiosity import DiffuseLight, GlossyLight, Radiosity
 
-CONTRAST = 0.15     # of the bounced light of two probes, at which they count 1/e for each other
+CONTRAST = 0.3      # of the bounced light of two probes, at which they count 1/e for each other
 LEAST_RATIO = 1e-3  # diffuse over glossy albedo, below which the diffuse lobe is invisible
 
 
