@@ -8,7 +8,7 @@ from ...clusters import cell_index, facing_side, group_key, groups_of
 from ...geometry import area_vectors
 
 MANY = 1 << 16   # triangles up to which each is an element
-FINEST = 2 ** -8.5   # side of a cell whose triangles are one patch, where a unit of area gets all patches
+FINEST = 0.008   # side of a cell whose triangles are one patch, where a unit of area gets all patches
 COARSER = 2 ** 0.25  # growth of the cells while there are too many
 CRUMBS = 8       # groups that a surface must have by itself to share none with others, in the finest cells
 SHARED = 2       # growth of that number

@@ -25,11 +25,11 @@ def test_elements_are_of_one_token_and_cell_and_named_by_their_largest_triangle(
     corners = grid(64)
     corners[5] *= 1.001  # the largest of all
     token = (corners.mean(axis=1)[:, 0] > 0.5).astype(int)
-    element, largest = group_elements(corners, token, np.full(2, density := 1e-3))
+    element, largest = group_elements(corners, token, np.full(2, 0.01))
     assert len(largest) < len(corners) / 8 and largest[element[5]] == 5
     assert (token[largest][element] == token).all()
     middle = corners.mean(axis=1)
-    assert np.linalg.norm(middle - middle[largest][element], axis=1).max() < 2 * grouping.FINEST * density ** -0.5
+    assert np.linalg.norm(middle - middle[largest][element], axis=1).max() < 2 * 0.008 * 0.01 ** -0.5
 
 
 def test_many_small_objects_leave_room_for_the_floor_that_they_lie_on():
