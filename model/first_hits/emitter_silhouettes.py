@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Smooth outlines of directly seen emitters, however few samples Cycles had.
+"""Smooth silhouettes of directly seen emitters, however few samples Cycles had.
 
 Where a hundredth of a pixel shows a lamp that is a hundred times as bright as white, the pixel is white; of a few
 samples one meets the lamp by chance. Rays find how much of such pixels each emitter covers.
@@ -14,16 +14,16 @@ from ..pictures import box_means, box_sums
 from ..scene import Guides, RenderScene, View
 from .camera_rays import CameraRays
 
-REACH = 2               # pixels between an outline and the farthest that its filter reaches, about
+REACH = 2               # pixels between a silhouette and the farthest that its filter reaches, about
 MOST, FEWEST = 256, 64  # rays through a pixel; with fewer Cycles' samples are as good
-RAYS = 1 << 21          # through all pixels at most; where there are more outlines, they stay as they are
+RAYS = 1 << 21          # through all pixels at most; where there are more such pixels, they stay as they are
 AROUND = 4              # pixels: the emission of so many on all sides says how bright the emitter is there
 SURE = 16.0             # samples that have met it, for which that counts half
 ALIKE = 4.0             # factor between it and what rays find, from which on these do not see what Cycles sees
 
 
 def smoothed(guides: Guides, scene: RenderScene, view: View) -> Guides:
-    """First hits of Cycles (world frame), whose pixels at outlines of emitters have the emission that rays find.
+    """First hits of Cycles (world frame), whose pixels at silhouettes of emitters have the emission that rays find.
 
     How bright an emitter is there, such as a screen with a picture, is what Cycles' samples around say.
     """
@@ -40,9 +40,9 @@ def smoothed(guides: Guides, scene: RenderScene, view: View) -> Guides:
     ours, theirs, met = (box_sums(x * (share > 0), AROUND) for x in (found, guides.emission, met))
     ratio = np.divide(theirs, ours, out=np.ones_like(ours), where=ours > 0)
     is_alike = (theirs.sum(-1) * ALIKE > ours.sum(-1)) & (ours.sum(-1) * ALIKE > theirs.sum(-1))
-    is_outline = (share > 0) & (share < 1) & is_alike[..., None]
+    is_partly = (share > 0) & (share < 1) & is_alike[..., None]
     found *= 1 + met / (met + SURE) * (ratio - 1)
-    return replace(guides, emission=np.where(is_outline, found, guides.emission))
+    return replace(guides, emission=np.where(is_partly, found, guides.emission))
 
 
 def _power_of_two(count: int) -> int:

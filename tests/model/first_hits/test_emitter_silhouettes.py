@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Outlines of emitters are as smooth as many samples would show them."""
+"""Silhouettes of emitters are as smooth as many samples would show them."""
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from renderformer_v2.model.first_hits import emitter_outlines
+from renderformer_v2.model.first_hits import emitter_silhouettes
 from renderformer_v2.model.first_hits.camera_rays import CameraRays, cast_guides
 from tests.model.samples import flat, floor_scene, floor_view
 
@@ -30,9 +30,9 @@ def error(emission, exact):
     return np.abs(emission.clip(0, 1) - exact.clip(0, 1)).mean()
 
 
-def test_outlines_are_as_many_samples_would_show_them(seen):
+def test_silhouettes_are_as_many_samples_would_show_them(seen):
     scene, view, guides, exact = seen
-    smooth = emitter_outlines.smoothed(guides, scene, view)
+    smooth = emitter_silhouettes.smoothed(guides, scene, view)
     assert error(smooth.emission, exact) < 0.3 * error(guides.emission, exact)
     assert smooth.emission.mean() == pytest.approx(exact.mean(), rel=0.03)
 
@@ -40,7 +40,7 @@ def test_outlines_are_as_many_samples_would_show_them(seen):
 def test_how_bright_an_emitter_is_there_is_what_samples_around_say(seen):
     """A picture on it is brighter here than in the mean, which is all that its tokens know."""
     scene, view, guides, exact = seen
-    smooth = emitter_outlines.smoothed(replace(guides, emission=2 * guides.emission), scene, view)
+    smooth = emitter_silhouettes.smoothed(replace(guides, emission=2 * guides.emission), scene, view)
     assert smooth.emission.mean() == pytest.approx(2 * exact.mean(), rel=0.05)
 
 
@@ -50,10 +50,10 @@ def test_what_rays_see_otherwise_or_samples_show_already_stays(seen, change):
     scene, view, guides, _ = seen
     guides = replace(guides, emission=guides.emission * change.get("emission", 1),
                      samples=np.full_like(guides.samples, change.get("samples", SAMPLES)))
-    np.testing.assert_array_equal(emitter_outlines.smoothed(guides, scene, view).emission, guides.emission)
+    np.testing.assert_array_equal(emitter_silhouettes.smoothed(guides, scene, view).emission, guides.emission)
 
 
-def test_very_many_outlines_stay(seen, monkeypatch):
+def test_very_many_silhouettes_stay(seen, monkeypatch):
     scene, view, guides, _ = seen
-    monkeypatch.setattr(emitter_outlines, "RAYS", 1000)
-    assert emitter_outlines.smoothed(guides, scene, view) is guides
+    monkeypatch.setattr(emitter_silhouettes, "RAYS", 1000)
+    assert emitter_silhouettes.smoothed(guides, scene, view) is guides
