@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..camera import view_rays
+from ..camera import view_rays_at
 from ..geometry import area_vectors, dot
 from ..material.reflectance import fresnel
 from ..scene import BASE_COLOR, IOR, TRANSMISSION, Guides, RenderScene, View, texels, tint_of_glass
@@ -21,12 +21,14 @@ MATTE = 0.02  # diffuse color from which on a pixel shows something else too
 
 def with_reflectance(guides: Guides, scene: RenderScene, view: View) -> Guides:
     """First hits (world frame) with the colours that such surfaces have by Fresnel's equations."""
-    is_clear = np.append((scene.tiles[:, TRANSMISSION].mean(axis=(1, 2)) > CLEAR)[scene.tile_index], False)
-    pixel = np.flatnonzero(is_clear[guides.hit_triangle] & (guides.diffuse_color < MATTE).all(axis=-1))
-    if not len(pixel):
-        return guides
-    token, rays = guides.hit_triangle.ravel()[pixel], view_rays(view)[1].reshape(-1, 3)[pixel]
+    pixel = np.flatnonzero((guides.hit_triangle >= 0) & (guides.diffuse_color < MATTE).all(axis=-1))
+    row, column = np.divmod(pixel, view.width)
+    token, rays = guides.hit_triangle.ravel()[pixel], view_rays_at(view, column + 0.5, row + 0.5)[1]
     is_inside = dot(area_vectors(scene.triangles[token]), rays) > 0
+    tile, of_token = np.unique(scene.tile_index[token[is_inside]], return_inverse=True)
+    is_inside[is_inside] = (scene.tiles[tile, TRANSMISSION].mean(axis=(1, 2)) > CLEAR)[of_token]
+    if not is_inside.any():
+        return guides
     pixel, token, rays = pixel[is_inside], token[is_inside], rays[is_inside]
     normal, weights, coverage = (x.reshape(len(guides.alpha.ravel()), -1)[pixel] for x in (
         guides.normal, guides.hit_barycentric, guides.alpha))
