@@ -4,10 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from .geometry import area_vectors, barycentric, corner_weights, dot, interpolated, nearest_texels, unit
+from .geometry import (
+    area_vectors,
+    barycentric,
+    corner_weights,
+    dot,
+    facing,
+    interpolated,
+    nearest_texels,
+    reflected,
+    unit,
+)
 from .scene import RenderScene, texels
 
 GRAZING = 0.02  # least cosine between the viewer and a normal that is bent
+RISE, STEEPEST_RISE = 0.01, 0.9  # least cosine between a facet and a mirrored ray, and at most this share of its ray's
 
 
 def surface(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,
@@ -46,6 +57,24 @@ def bent_toward(normal: np.ndarray, ray: np.ndarray, where: np.ndarray) -> np.nd
     """Unit normals (P, 3), those `where` (P,) they lean away from the viewer along (P, 3) bent until they do not."""
     away = np.where(where, dot(normal, ray) + GRAZING, 0).clip(0)
     return unit(normal - away[:, None] * ray)
+
+
+def side_normals(scene: RenderScene, triangle: np.ndarray, ray: np.ndarray) -> np.ndarray:
+    """(P, 3) unit normals of triangles (P,) of the geometry, of the sides that are met along (P, 3)."""
+    return facing(unit(area_vectors(scene.surfaces.triangles[triangle])), ray)
+
+
+def bent_to_reflect(normal: np.ndarray, side: np.ndarray, ray: np.ndarray) -> np.ndarray:
+    """Unit normals (P, 3), bent toward `side_normals` (P, 3) where rays (P, 3) mirrored at them would go below these.
+
+    Cycles does so for gloss and glass.
+    """
+    across = unit(normal - dot(normal, side)[:, None] * side)
+    x, z = -dot(ray, across), -dot(ray, side)  # toward the viewer
+    rise = np.minimum(RISE, STEEPEST_RISE * z)
+    angle = (np.arctan2(x, z) + np.arccos((rise / np.hypot(x, z).clip(1e-6)).clip(-1, 1)))[:, None] / 2
+    bent = np.sin(angle) * across + np.cos(angle) * side
+    return np.where((dot(reflected(ray, normal), side) < rise)[:, None], bent, normal).astype(np.float32)
 
 
 def seen_sky(scene: RenderScene, direction: np.ndarray, ray: int | np.ndarray) -> np.ndarray:

@@ -5,8 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from renderformer_v2.model.geometry import reflected
 from renderformer_v2.model.scene import BASE_COLOR, TILE_SIZE, Geometry
-from renderformer_v2.model.shading import GRAZING, on_tokens, shading_normals, surface
+from renderformer_v2.model.shading import (
+    GRAZING,
+    RISE,
+    bent_to_reflect,
+    on_tokens,
+    shading_normals,
+    side_normals,
+    surface,
+)
 from tests.model.samples import flat
 
 TOKEN = np.float32([[(0, 0, 0), (1, 0, 0), (0, 1, 0)]])
@@ -68,3 +77,20 @@ def test_where_normals_of_the_back_prevail_the_front_has_them():
     for weights, expected in (((0.8, 0.1, 0.1), 1), ((0.2, 0.4, 0.4), -1)):
         normal = shading_normals(scene, np.array([0]), np.float32([weights]), ray)
         np.testing.assert_allclose(normal, [(0, 0, expected)], atol=1e-6)
+
+
+def test_normals_are_bent_until_what_they_mirror_rises_above_the_facet():
+    ray, side = np.float32([(0, 0.8, -0.6)]).repeat(2, 0), np.float32([(0, 0, 1)]).repeat(2, 0)
+    leaning = np.float32([(0, 0.6, 0.8), (0, -0.28, 0.96)])  # away from the viewer, and toward
+    normal = bent_to_reflect(leaning, side, ray)
+    mirrored = reflected(ray, normal)
+    assert reflected(ray, leaning)[0, 2] < 0 and mirrored[0, 2] == pytest.approx(RISE, abs=1e-5)
+    np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1, atol=1e-6)
+    np.testing.assert_array_equal(normal[1], leaning[1])
+
+
+def test_side_normals_face_the_viewer_and_not_the_corners_normals():
+    scene = flat(TOKEN, (0.5, 0.5, 0.5))
+    scene.normals[:] = 0, 0.6, 0.8
+    for z in (1, -1):
+        np.testing.assert_allclose(side_normals(scene, np.array([0]), np.float32([(0, 0, -z)])), [(0, 0, z)])

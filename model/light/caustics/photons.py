@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from ...geometry import area_vectors, dot, facing, reflected, refracted, unit
+from ...geometry import area_vectors, dot, reflected, refracted, unit
 from ...material.reflectance import blurred, fresnel, unmasked, visible_facets
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
 from ...scene_rays import RaysAmong, scene_rays
-from ...shading import surface
+from ...shading import bent_to_reflect, side_normals, surface
 from ...surface_kinds import BENDING, SOLID, Kind, Ray
 from ..direct.direct_light import DirectLight
 from ..direct.emitter_light import END_GAP
@@ -50,7 +50,7 @@ def trace_photons(scene: RenderScene, direct: DirectLight, count: int) -> Photon
     for k in range(1, SURFACES + 1):
         if k > 1:
             stays = is_milky[row]
-            landed.append(Photons(at[stays], ray[stays], _side_normals(corners[row[stays]], ray[stays]), flux[stays],
+            landed.append(Photons(at[stays], ray[stays], side_normals(scene, row[stays], ray[stays]), flux[stays],
                                   np.full(stays.sum(), -1, np.int32), np.zeros((stays.sum(), 2), np.float32)))
         before = at - LIFT * ray  # from here a photon hits what touches the glass
         ray, tint = _bend(scene, row, at, ray, chance[number, k])
@@ -63,7 +63,7 @@ def trace_photons(scene: RenderScene, direct: DirectLight, count: int) -> Photon
         ends = wall_first & ~shines[wall.triangle] & flux.any(1)
         triangle = wall.triangle[ends]
         landed.append(Photons(before[ends] + wall.distance[ends, None] * ray[ends], ray[ends],
-                              _side_normals(corners[triangle], ray[ends]), flux[ends], triangle, wall.weights[ends]))
+                              side_normals(scene, triangle, ray[ends]), flux[ends], triangle, wall.weights[ends]))
         goes_on = (pane.triangle >= 0) & ~wall_first & flux.any(1)
         number, ray, flux, row = number[goes_on], ray[goes_on], flux[goes_on], pane.triangle[goes_on]
         at = at[goes_on] + pane.distance[goes_on, None] * ray
@@ -112,13 +112,15 @@ def _bend(scene: RenderScene, row: np.ndarray, at: np.ndarray, ray: np.ndarray,
     Reflected with the probability of the reflectance by Fresnel and of metal, else refracted; chance: (N, 3).
     """
     normal, inside, texel = surface(scene, row, at, ray)
+    side = side_normals(scene, row, ray)
+    normal = bent_to_reflect(normal, side, ray)
     ior, alpha = texel[:, IOR].clip(1), blurred(texel[:, ROUGHNESS]) ** 2
     facet = visible_facets(normal, ray, alpha, chance[:, :2])
     share, metallic = fresnel(-dot(ray, facet), np.where(inside, 1 / ior, ior)), texel[:, METALLIC]
     mirrors = metallic + (1 - metallic) * share
     is_reflected = chance[:, 2] < mirrors
     out = unit(np.where(is_reflected[:, None], reflected(ray, facet), refracted(ray, facet, ior, inside)))
-    same_side = dot(out, _side_normals(scene.surfaces.triangles[row], ray)) > 0
+    same_side = dot(out, side) > 0
     passes = unmasked(dot(ray, normal), dot(out, normal), alpha) * (same_side == is_reflected)
     metal = (metallic / np.maximum(mirrors, 1e-9))[:, None]  # of what is reflected
     tint = np.where(is_reflected[:, None], 1 - metal + metal * texel[:, BASE_COLOR],
@@ -126,8 +128,3 @@ def _bend(scene: RenderScene, row: np.ndarray, at: np.ndarray, ray: np.ndarray,
     # In Cycles radiance stays as it is where a ray is bent, though rays into glass come closer together.
     gain = np.where(is_reflected, 1, np.where(inside, ior, 1 / ior) ** 2)
     return out, ((passes * gain)[:, None] * tint).astype(np.float32)
-
-
-def _side_normals(corners: np.ndarray, ray: np.ndarray) -> np.ndarray:
-    """(N, 3) unit normals of triangles (N, 3, 3), on the side that rays (N, 3) hit."""
-    return facing(unit(area_vectors(corners)), ray)

@@ -18,10 +18,10 @@ from ...geometry import facing, reflected, refracted
 from ...progress import part
 from ...scene import IOR, ROUGHNESS, Guides, RenderScene, View
 from ...scene_rays import scene_rays
-from ...shading import surface
+from ...shading import bent_to_reflect, side_normals, surface
 from ...surface_kinds import ALL, BENDING, SEEN, STRAIGHT_THROUGH, Ray
 from .facets import pixel_starts, rough_facets
-from .paths import BLURRED, Lobe, Media, PathEnds, Sheets, follow_paths
+from .paths import BLURRED, Lobe, Media, PathEnds, Sheets, follow_paths, lost
 
 PATHS = 1 << 18  # of a lobe, at most
 CHUNK = 1 << 14  # paths that are followed at a time
@@ -89,9 +89,11 @@ def _follow(guides: Guides, scene: RenderScene, view: View, lobe: PathLobe, rows
 
     def follow(rows: np.ndarray, columns: np.ndarray) -> PathEnds:
         start = pixel_starts(rows // step, columns // step) if lobe.ray == Ray.TRANSMISSION else None
-        first = _first_segments(guides, scene, view, rows, columns, start)
+        *first, is_lost = _first_segments(guides, scene, view, rows, columns, start)
         sheets = Sheets(clear, guides.straight[rows, columns], seen) if passes_sheets else None
-        return follow_paths(scene, everything.closest, *first, solid, media, start, sheets)
+        ends = follow_paths(scene, everything.closest, *first, solid, media, start, sheets)
+        ends.lose(is_lost)
+        return ends
 
     chunks = [(rows[first:first + CHUNK], columns[first:first + CHUNK]) for first in range(0, len(rows), CHUNK)]
     with part(0.0, 1.0, "Tracing mirrors and glass"):
@@ -121,20 +123,25 @@ def _media(scene: RenderScene) -> Media | None:
 
 
 def _first_segments(guides: Guides, scene: RenderScene, view: View, rows: np.ndarray, columns: np.ndarray,
-                    start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """World points (S, 3), unit directions (S, 3) in which paths leave the first hits of pixels, and the eye (3,).
+                    start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """World points (S, 3), unit directions (S, 3) in which paths leave the first hits of pixels, the eye (3,), and
+    (S,) bool, whether they are `lost` there.
 
     start: of `follow_paths`, of refractions; None of reflections.
     """
     eye, rays = view_rays_at(view, columns + 0.5, rows + 0.5)
     position, normal = guides.position[rows, columns], facing(guides.normal[rows, columns], rays)
+    triangle = CameraRays(scene, view).closest(rays).triangle
+    side = side_normals(scene, triangle, rays)
+    is_known = triangle >= 0
+    normal = np.where(is_known[:, None], bent_to_reflect(normal, side, rays), normal)
     if start is None:
-        direction = reflected(rays, normal)
-    else:
-        triangle = CameraRays(scene, view).closest(rays).triangle
-        _, inside, texel = surface(scene, triangle, position, rays)
-        facet = rough_facets(rays, normal, texel[:, ROUGHNESS], start, 0)
-        direction = refracted(rays, facet, texel[:, IOR], inside)
-        if guides.straight is not None:
-            direction = np.where(guides.straight[rows, columns][:, None], rays, direction)
-    return position, direction, eye
+        return position, reflected(rays, normal), eye, np.zeros(len(rows), bool)
+    _, inside, texel = surface(scene, triangle, position, rays)
+    facet = rough_facets(rays, normal, texel[:, ROUGHNESS], start, 0)
+    direction = refracted(rays, facet, texel[:, IOR], inside)
+    is_lost = lost(direction, facet, side) & is_known
+    if guides.straight is not None:
+        is_straight = guides.straight[rows, columns]
+        direction, is_lost = np.where(is_straight[:, None], rays, direction), is_lost & ~is_straight
+    return position, direction, eye, is_lost

@@ -16,7 +16,7 @@ from ...first_hits.sheets import own_texels
 from ...geometry import dot, reflected, refracted
 from ...material.reflectance import LEAST_LAYER, fresnel, layer_reflectance
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
-from ...shading import seen_sky, surface
+from ...shading import bent_to_reflect, seen_sky, side_normals, surface
 from ...surface_kinds import Ray
 from .facets import LEAST_ROUGHNESS, exit_lobe, rough_facets
 
@@ -44,6 +44,11 @@ class PathEnds:
     light: np.ndarray     # (P, 3) f32, radiance of the lamp or the sky there times the tint of the path
     lobe: Lobe            # of what the paths meet first, if that is metal, or rough glass that they leave
     other: Lobe           # of the layer on what reflections meet first; of what leaves glass after one more reflection
+
+    def lose(self, rows: np.ndarray) -> None:
+        """Some of the paths show nothing."""
+        for color in (self.color, self.light, self.lobe.color, self.other.color):
+            color[rows] = 0
 
 
 @dataclass
@@ -80,13 +85,13 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
                  sheets: Sheets | None = None) -> PathEnds:
     """Follow paths from world points (P, 3) along unit directions (P, 3); none may start at a lamp.
 
-    A path that has passed SURFACES surfaces ends at the last one as if that were matte. eye: (3,) or (P, 3), the point
-    from which the origins are seen. cast(origins, directions), such as `Rays.closest`, returns the nearest triangle
-    (S,) i32, -1 for none, and its distance (S,). solid: the same for everything but glass, so that paths end at what
-    glass touches. media: share of light (S, 1 or 3) that gets from points (S, 3) along directions (S, 3) for distances
-    (S,). start: (P, 2) of `pixel_starts`, of refractions, which meet facets of rough glass; None of reflections, which
-    take glass for smooth. sheets: of refractions, where some begin on half-transparent surfaces; what shines straight
-    behind these is not in the light, nor are lamps that the `lobe` shows.
+    A path that has met SURFACES surfaces ends at the last one as if that were matte, or is lost in glass. eye: (3,) or
+    (P, 3), the point from which the origins are seen. cast(origins, directions), such as `Rays.closest`, returns the
+    nearest triangle (S,) i32, -1 for none, and its distance (S,). solid: the same for everything but glass, so that
+    paths end at what glass touches. media: share of light (S, 1 or 3) that gets from points (S, 3) along directions
+    (S, 3) for distances (S,). start: (P, 2) of `pixel_starts`, of refractions, which meet facets of rough glass; None
+    of reflections, which take glass for smooth. sheets: of refractions, where some begin on half-transparent surfaces;
+    what shines straight behind these is not in the light, nor are lamps that the `lobe` shows.
     """
     zeros = lambda channels: np.zeros((len(origin), channels), np.float32)  # noqa: E731
     ends = PathEnds(*map(zeros, (3, 3, 3, 3)), *(Lobe(*map(zeros, (3, 3, 3, 1, 1))) for _ in range(2)))
@@ -132,9 +137,15 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
             tint[on_sheet] = arrived[on_sheet] * _seen_of_sheets(texel, clear, passes)[on_sheet]
             is_glass, matte = is_glass & ~on_sheet, np.where(on_sheet, 1, matte)
             straight[path] &= passes
-        facet, shows_lamps[path] = normal, True
+        side = side_normals(scene, triangle, direction)
+        facet = specular = bent_to_reflect(normal, side, direction)
+        shows_lamps[path] = True
         if start is not None:
-            facet = rough_facets(direction, normal, texel[:, ROUGHNESS] * is_glass, start[path], SURFACES - remaining)
+            facet = rough_facets(direction, specular, texel[:, ROUGHNESS] * is_glass, start[path], SURFACES - remaining)
+        turned = np.where(is_glass[:, None], refracted(direction, facet, texel[:, IOR], inside),
+                          reflected(direction, specular))
+        is_lost = is_glass & ~passes & (lost(turned, facet, side) | (remaining == 0))
+        tint[is_lost] = 0
         if remaining == SURFACES - 1:
             lobe = _metal_lobe(point, normal, texel) if start is None else _exit_lobe(
                 point, normal, texel, direction, leaves, tint)
@@ -146,17 +157,21 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
                 ends.other.set(path[leaves], _inner_lobe(scene, cast, *(
                     x[leaves] for x in (point, normal, texel, direction, arrived, reach))))
         ends.position[path], ends.normal[path] = point, normal
-        goes_on = is_glass | passes | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)
+        goes_on = (is_glass | passes | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)) & ~is_lost
         ends.color[path] = tint * np.where(goes_on, not remaining, matte)[:, None]
         before = point - LIFT * reach[:, None] * direction
         kind = np.where(is_glass, np.uint8(Ray.TRANSMISSION), np.uint8(Ray.GLOSSY))
-        turned = np.where(is_glass[:, None], refracted(direction, facet, texel[:, IOR], inside),
-                          reflected(direction, normal))
         direction = np.where(passes[:, None], direction, turned)
         origin = point + LIFT * reach[:, None] * direction
         path, kind, tint, before, origin, direction, reach = (
             x[goes_on] for x in (path, kind, tint, before, origin, direction, reach))
     return ends
+
+
+def lost(ray: np.ndarray, normal: np.ndarray, side: np.ndarray) -> np.ndarray:
+    """(P,) bool: whether rays (P, 3), turned by shading normals (P, 3), end there, as in Cycles: those that pass a
+    surface by these and not by its sides (P, 3), or that are mirrored by these into it."""
+    return dot(ray, side) * dot(ray, normal) < 0
 
 
 def _passes_sheets(clear: np.ndarray, start: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:

@@ -142,6 +142,20 @@ def test_two_mirrors_end_after_a_while_as_if_the_last_were_matte():
     assert not found.light.any()
 
 
+def test_what_never_leaves_glass_is_lost_after_a_while():
+    glass = constant_tile((1, 1, 1), roughness=0.0, ior=1.5, transmission=1.0)
+    found = ends(walls((1, 1, glass), (-1, -1, glass)), (0.5, 0.8, 0))
+    assert not found.color.any() and not found.light.any()
+
+
+def test_light_that_normals_send_out_of_glass_and_facets_do_not_is_lost_as_in_cycles():
+    glass = constant_tile((1, 1, 1), roughness=0.0, ior=1.5, transmission=1.0)
+    scene, grazing = walls((2, 1, glass), (-1, 1, constant_tile(RED))), (0.1045, 0.9945, 0)
+    np.testing.assert_allclose(ends(scene, grazing).color, [RED], atol=2e-3)  # mirrored
+    scene.normals[:2] = 0.5 ** 0.5, 0.5 ** 0.5, 0
+    assert not ends(scene, grazing).color.any()
+
+
 def test_light_that_cannot_leave_glass_is_mirrored():
     ray, normal = np.float64([(0.8, 0.6, 0)]), np.float64([(-1, 0, 0)])
     flat = np.float64([(0.6, 0.8, 0)])
