@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from renderformer_v2.model.light.specular.paths import CLEAR, LEAST_CLEAR, PURE
+from renderformer_v2.model.light.specular.glass import CLEAR, LEAST_CLEAR, PURE
 from renderformer_v2.model.light_passes import LOBES
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.scene import METALLIC, ROUGHNESS, TRANSMISSION, Guides, RenderScene

@@ -18,7 +18,8 @@ from ...surface_kinds import Ray
 from ..direct.direct_light import DirectLight
 from ..direct.environment_light import LIFT
 from ..sampling import hashed_starts
-from ..specular.paths import PURE, SMOOTH
+from ..specular.glass import PURE
+from ..specular.paths import SMOOTH
 from ..tensor_rays import TensorHits, TensorRays
 from ..vectors import dot
 

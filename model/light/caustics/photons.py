@@ -21,7 +21,8 @@ from ...surface_kinds import BENDING, SOLID, Kind, Ray
 from ..direct.direct_light import DirectLight
 from ..direct.emitter_light import END_GAP
 from ..sampling import R2, triangle_weights
-from ..specular.paths import CLEAR, LIFT
+from ..specular.glass import CLEAR
+from ..specular.paths import LIFT
 
 SURFACES = 8      # of glass that a photon passes at most
 UNIFORM = 0.1     # share of all photons that is distributed by area alone

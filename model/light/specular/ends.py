@@ -21,7 +21,8 @@ from ...scene_rays import scene_rays
 from ...shading import bent_to_reflect, side_normals, surface
 from ...surface_kinds import ALL, BENDING, SEEN, STRAIGHT_THROUGH, Ray
 from .facets import pixel_starts, rough_facets
-from .paths import BLURRED, Lobe, Media, PathEnds, Sheets, follow_paths, lost
+from .glass import Cast, lost, mirrored_by_plates
+from .paths import BLURRED, LIFT, Lobe, Media, PathEnds, Sheets, follow_paths
 
 PATHS = 1 << 18  # of a lobe, at most
 CHUNK = 1 << 14  # paths that are followed at a time
@@ -89,10 +90,11 @@ def _follow(guides: Guides, scene: RenderScene, view: View, lobe: PathLobe, rows
 
     def follow(rows: np.ndarray, columns: np.ndarray) -> PathEnds:
         start = pixel_starts(rows // step, columns // step) if lobe.ray == Ray.TRANSMISSION else None
-        *first, is_lost = _first_segments(guides, scene, view, rows, columns, start)
+        first = _first_segments(guides, scene, view, everything.closest, rows, columns, start)
         sheets = Sheets(clear, guides.straight[rows, columns], seen) if passes_sheets else None
-        ends = follow_paths(scene, everything.closest, *first, solid, media, start, sheets)
-        ends.lose(is_lost)
+        ends = follow_paths(scene, everything.closest, first.position, first.direction, first.eye, solid, media, start,
+                            sheets, first.entry)
+        ends.scale(first.factor)
         return ends
 
     chunks = [(rows[first:first + CHUNK], columns[first:first + CHUNK]) for first in range(0, len(rows), CHUNK)]
@@ -122,26 +124,35 @@ def _media(scene: RenderScene) -> Media | None:
     return fog_of(scene, reach=math.inf).along
 
 
-def _first_segments(guides: Guides, scene: RenderScene, view: View, rows: np.ndarray, columns: np.ndarray,
-                    start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """World points (S, 3), unit directions (S, 3) in which paths leave the first hits of pixels, the eye (3,), and
-    (S,) bool, whether they are `lost` there.
+class FirstSegments(NamedTuple):
+    """Paths as they leave the first hits of S pixels."""
 
-    start: of `follow_paths`, of refractions; None of reflections.
-    """
+    position: np.ndarray   # (S, 3) f32, world
+    direction: np.ndarray  # (S, 3) unit
+    eye: np.ndarray        # (3,) or (S, 3)
+    factor: np.ndarray     # (S, 1 or 3) of what they show: 0 for lost ones, more than 1 for plates' reflections
+    entry: np.ndarray | None = None  # (S, 3) normals, where they enter glass
+
+
+def _first_segments(guides: Guides, scene: RenderScene, view: View, cast: Cast, rows: np.ndarray, columns: np.ndarray,
+                    start: np.ndarray | None) -> FirstSegments:
+    """start: of `follow_paths`, of refractions; None of reflections."""
     eye, rays = view_rays_at(view, columns + 0.5, rows + 0.5)
     position, normal = guides.position[rows, columns], facing(guides.normal[rows, columns], rays)
     triangle = CameraRays(scene, view).closest(rays).triangle
-    side = side_normals(scene, triangle, rays)
-    is_known = triangle >= 0
+    side, is_known = side_normals(scene, triangle, rays), triangle >= 0
     normal = np.where(is_known[:, None], bent_to_reflect(normal, side, rays), normal)
-    if start is None:
-        return position, reflected(rays, normal), eye, np.zeros(len(rows), bool)
     _, inside, texel = surface(scene, triangle, position, rays)
+    inside &= is_known
+    if start is None:
+        lift = LIFT * np.linalg.norm(position - eye, axis=1, keepdims=True)
+        gain = mirrored_by_plates(scene, cast, position, lift, rays, normal, texel, inside)
+        return FirstSegments(position, reflected(rays, normal), eye, np.where(is_known[:, None], gain, 1))
     facet = rough_facets(rays, normal, texel[:, ROUGHNESS], start, 0)
     direction = refracted(rays, facet, texel[:, IOR], inside)
-    is_lost = lost(direction, facet, side) & is_known
+    is_lost, enters = lost(direction, facet, side) & is_known, ~inside
     if guides.straight is not None:
         is_straight = guides.straight[rows, columns]
-        direction, is_lost = np.where(is_straight[:, None], rays, direction), is_lost & ~is_straight
-    return position, direction, eye, is_lost
+        direction = np.where(is_straight[:, None], rays, direction)
+        is_lost, enters = is_lost & ~is_straight, enters & ~is_straight
+    return FirstSegments(position, direction, eye, ~is_lost[:, None], np.where(enters[:, None], normal, 0))

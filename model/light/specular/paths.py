@@ -5,7 +5,7 @@ Whitted 1980, "An improved illumination model for shaded display", with one path
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,22 +15,18 @@ from ...first_hits.from_rays import colors_of_texels
 from ...first_hits.sheets import own_texels
 from ...geometry import dot, reflected, refracted
 from ...material.reflectance import LEAST_LAYER, fresnel, layer_reflectance
-from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
+from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
 from ...shading import bent_to_reflect, seen_sky, side_normals, surface
 from ...surface_kinds import Ray
 from .facets import LEAST_ROUGHNESS, exit_lobe, rough_facets
+from .glass import PURE, TURBID, Cast, is_glass, lost, passed_plates, tint_of_surface
 
 SURFACES = 6       # a path passes at most
 SMOOTH = 0.5       # roughness up to which a metal is a mirror
-PURE = 0.5         # metallic from which a surface is a mirror
-CLEAR = 0.75       # transmission from which one is glass and shows no matte surface of its own
-LEAST_CLEAR = 0.1  # the same of its inside, which only light meets that has passed it
-TURBID = 0.6       # transmission below which the inside lets less light out
 LIFT = 1e-4        # of the longest segment so far, that a ray starts off its surface
 SHARP, BLURRED = 0.15, 0.35  # roughness up to which a reflection is an image, and from which it is a mean over the lobe
 LEAST_BLUR = 0.03  # roughness of smooth surfaces in which lamps are mirrored
 
-Cast = Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
 Media = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
@@ -45,10 +41,10 @@ class PathEnds:
     lobe: Lobe            # of what the paths meet first, if that is metal, or rough glass that they leave
     other: Lobe           # of the layer on what reflections meet first; of what leaves glass after one more reflection
 
-    def lose(self, rows: np.ndarray) -> None:
-        """Some of the paths show nothing."""
+    def scale(self, factor: np.ndarray) -> None:
+        """All that paths show becomes so many times (P, 1 or 3) as bright."""
         for color in (self.color, self.light, self.lobe.color, self.other.color):
-            color[rows] = 0
+            color *= factor
 
 
 @dataclass
@@ -82,7 +78,7 @@ def blur(roughness):
 
 def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarray, eye: np.ndarray,
                  solid: Cast | None = None, media: Media | None = None, start: np.ndarray | None = None,
-                 sheets: Sheets | None = None) -> PathEnds:
+                 sheets: Sheets | None = None, entry: np.ndarray | None = None) -> PathEnds:
     """Follow paths from world points (P, 3) along unit directions (P, 3); none may start at a lamp.
 
     A path that has met SURFACES surfaces ends at the last one as if that were matte, or is lost in glass. eye: (3,) or
@@ -91,13 +87,15 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
     paths end at what glass touches. media: share of light (S, 1 or 3) that gets from points (S, 3) along directions
     (S, 3) for distances (S,). start: (P, 2) of `pixel_starts`, of refractions, which meet facets of rough glass; None
     of reflections, which take glass for smooth. sheets: of refractions, where some begin on half-transparent surfaces;
-    what shines straight behind these is not in the light, nor are lamps that the `lobe` shows.
+    what shines straight behind these is not in the light, nor are lamps that the `lobe` shows. entry: (P, 3) normals of
+    the sides at which paths have entered glass; by default, and 0, they have not.
     """
     zeros = lambda channels: np.zeros((len(origin), channels), np.float32)  # noqa: E731
     ends = PathEnds(*map(zeros, (3, 3, 3, 3)), *(Lobe(*map(zeros, (3, 3, 3, 1, 1))) for _ in range(2)))
     shows_lamps = np.ones(len(origin), bool)
     straight = None if sheets is None else sheets.straight.copy()
     path, tint = np.arange(len(origin)), np.ones((len(origin), 3), np.float32)
+    entry = zeros(3) if entry is None else entry
     kind = np.full(len(origin), Ray.GLOSSY if start is None else Ray.TRANSMISSION, np.uint8)
     token, is_light = np.append(scene.surfaces.token, -1), scene.is_light
     reach = np.linalg.norm(origin - eye, axis=1)  # the longest segment so far: precision depends on it
@@ -120,31 +118,33 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
         if sheets is not None:
             arriving *= ~straight[path[~hit], None]
         ends.light[path[~hit]] = tint[~hit] * arriving
-        path, tint, origin, direction, triangle, distance, reach = (
-            x[hit] for x in (path, tint, origin, direction, triangle, distance, reach))
+        path, tint, origin, direction, entry, triangle, distance, reach = (
+            x[hit] for x in (path, tint, origin, direction, entry, triangle, distance, reach))
         point, reach = origin + distance[:, None] * direction, np.maximum(reach, distance)
         normal, inside, texel = surface(scene, triangle, point, direction)
         base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC], texel[:, TRANSMISSION]
-        is_glass = (transmission > np.where(inside, LEAST_CLEAR, CLEAR)) & (metallic <= PURE)
-        leaves = is_glass & inside
+        bends = is_glass(texel, inside)
+        leaves = bends & inside
         arrived = tint
-        tint = tint * np.where(is_glass[:, None], _tint_of_surface(texel, inside), base)
+        tint = tint * np.where(bends[:, None], tint_of_surface(texel, inside), base)
         matte = np.where(metallic > PURE, 1, (1 - metallic) * (1 - transmission))  # a rough metal counts as matte
         passes = np.zeros(len(path), bool)
         if sheets is not None:
             clear = sheets.clear[scene.tile_index[token[triangle]]]
             passes, on_sheet = _passes_sheets(clear, start[path], SURFACES - remaining)
             tint[on_sheet] = arrived[on_sheet] * _seen_of_sheets(texel, clear, passes)[on_sheet]
-            is_glass, matte = is_glass & ~on_sheet, np.where(on_sheet, 1, matte)
+            bends, matte = bends & ~on_sheet, np.where(on_sheet, 1, matte)
             straight[path] &= passes
+        tint[leaves] *= passed_plates(*(x[leaves] for x in (entry, normal, direction, texel[:, IOR])))[:, None]
+        entry = np.where((bends & ~inside)[:, None], normal, 0)
         side = side_normals(scene, triangle, direction)
         facet = specular = bent_to_reflect(normal, side, direction)
         shows_lamps[path] = True
         if start is not None:
-            facet = rough_facets(direction, specular, texel[:, ROUGHNESS] * is_glass, start[path], SURFACES - remaining)
-        turned = np.where(is_glass[:, None], refracted(direction, facet, texel[:, IOR], inside),
+            facet = rough_facets(direction, specular, texel[:, ROUGHNESS] * bends, start[path], SURFACES - remaining)
+        turned = np.where(bends[:, None], refracted(direction, facet, texel[:, IOR], inside),
                           reflected(direction, specular))
-        is_lost = is_glass & ~passes & (lost(turned, facet, side) | (remaining == 0))
+        is_lost = bends & ~passes & (lost(turned, facet, side) | (remaining == 0))
         tint[is_lost] = 0
         if remaining == SURFACES - 1:
             lobe = _metal_lobe(point, normal, texel) if start is None else _exit_lobe(
@@ -157,21 +157,15 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
                 ends.other.set(path[leaves], _inner_lobe(scene, cast, *(
                     x[leaves] for x in (point, normal, texel, direction, arrived, reach))))
         ends.position[path], ends.normal[path] = point, normal
-        goes_on = (is_glass | passes | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)) & ~is_lost
+        goes_on = (bends | passes | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)) & ~is_lost
         ends.color[path] = tint * np.where(goes_on, not remaining, matte)[:, None]
         before = point - LIFT * reach[:, None] * direction
-        kind = np.where(is_glass, np.uint8(Ray.TRANSMISSION), np.uint8(Ray.GLOSSY))
+        kind = np.where(bends, np.uint8(Ray.TRANSMISSION), np.uint8(Ray.GLOSSY))
         direction = np.where(passes[:, None], direction, turned)
         origin = point + LIFT * reach[:, None] * direction
-        path, kind, tint, before, origin, direction, reach = (
-            x[goes_on] for x in (path, kind, tint, before, origin, direction, reach))
+        path, kind, tint, before, origin, direction, entry, reach = (
+            x[goes_on] for x in (path, kind, tint, before, origin, direction, entry, reach))
     return ends
-
-
-def lost(ray: np.ndarray, normal: np.ndarray, side: np.ndarray) -> np.ndarray:
-    """(P,) bool: whether rays (P, 3), turned by shading normals (P, 3), end there, as in Cycles: those that pass a
-    surface by these and not by its sides (P, 3), or that are mirrored by these into it."""
-    return dot(ray, side) * dot(ray, normal) < 0
 
 
 def _passes_sheets(clear: np.ndarray, start: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:
@@ -214,16 +208,9 @@ def _inner_lobe(scene: RenderScene, cast: Cast, point: np.ndarray, normal: np.nd
     point = origin + np.where(triangle < 0, 0, distance)[:, None] * direction
     normal, inside, texel = surface(scene, triangle, point, direction)
     lobe = _exit_lobe(point, normal, texel, direction, inside & (triangle >= 0), tint * (
-        mirrors + (1 - mirrors) * inner) * _tint_of_surface(texel, inside), least=-1)
+        mirrors + (1 - mirrors) * inner) * tint_of_surface(texel, inside), least=-1)
     lobe.roughness = ((lobe.roughness ** 4 + first ** 4) ** 0.25).clip(LEAST_BLUR, 1).astype(np.float32)
     return lobe
-
-
-def _tint_of_surface(texel: np.ndarray, inside: np.ndarray) -> np.ndarray:
-    """(P, 3) of glass with material texels (P, C), for what passes it from its inside or outside (P,)."""
-    base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC, None], texel[:, TRANSMISSION, None]
-    kept = 1 - metallic * np.where(inside[:, None], 1 - base, 1)  # metal mirrors some, inside once more
-    return kept * tint_of_glass(base) * np.where(inside[:, None], (transmission / TURBID).clip(max=1), 1)
 
 
 def _exit_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray, direction: np.ndarray,

@@ -7,7 +7,9 @@ import pytest
 
 from renderformer_v2.model.geometry import reflected, refracted
 from renderformer_v2.model.light.specular.facets import pixel_starts
+from renderformer_v2.model.light.specular.glass import mirrored_by_plates
 from renderformer_v2.model.light.specular.paths import SURFACES, PathEnds, follow_paths
+from renderformer_v2.model.material.reflectance import fresnel
 from renderformer_v2.model.scene import RenderScene, constant_tile
 
 RED, GOLD = (0.8, 0.1, 0.1), (1.0, 0.7, 0.3)
@@ -82,7 +84,8 @@ def test_a_pane_shifts_a_path_by_its_thickness(slope, ior):
     inside = slope / np.sqrt(1 + slope**2) / ior
     height = 3 * slope + inside / np.sqrt(1 - inside**2)  # one unit of glass among four
     np.testing.assert_allclose(found.position, [(4, height, 0)], atol=2e-3)
-    np.testing.assert_allclose(found.color, [RED], atol=1e-3)
+    mirrored = fresnel(np.array([1 / np.sqrt(1 + slope**2)]), np.array([ior]))
+    np.testing.assert_allclose(found.color, np.divide(RED, 1 + mirrored)[None], atol=1e-3)
 
 
 def test_each_surface_of_glass_tints_by_the_root_of_its_colour_as_cycles_principled_bsdf_does():
@@ -142,6 +145,22 @@ def test_two_mirrors_end_after_a_while_as_if_the_last_were_matte():
     assert not found.light.any()
 
 
+def test_plates_mirror_at_both_sides_and_what_is_no_plate_at_one():
+    pane = constant_tile((0.81, 1, 0.25), roughness=0.0, ior=1.5, transmission=1.0)
+    ray = np.float64([(0.6, 0.8, 0)])
+    share = fresnel(np.array([0.6]), np.array([1.5]))
+
+    def gain(*materials):
+        scene = walls(*materials)
+        return mirrored_by_plates(scene, along_x(scene), np.float64([(1, 0, 0)]), np.full((1, 1), 1e-4), ray,
+                                  np.float64([(-1, 0, 0)]), scene.tiles[:1, :, 0, 0].astype(np.float32),
+                                  np.zeros(1, bool))
+    both = 1 + np.multiply((0.81, 1, 0.25), (1 - share) / (1 + share))
+    np.testing.assert_allclose(gain((1, -1, pane), (1.5, 1, pane)), [both], atol=2e-3)
+    for other in ((1.5, -1, pane), (1.5, 1, constant_tile(RED))):
+        np.testing.assert_array_equal(gain((1, -1, pane), other), 1)
+
+
 def test_what_never_leaves_glass_is_lost_after_a_while():
     glass = constant_tile((1, 1, 1), roughness=0.0, ior=1.5, transmission=1.0)
     found = ends(walls((1, 1, glass), (-1, -1, glass)), (0.5, 0.8, 0))
@@ -183,8 +202,8 @@ def test_a_path_ends_at_what_glass_stands_on_whichever_of_both_a_ray_happens_to_
         triangle, distance = beyond(origins, rays)
         return np.where(triangle >= 0, triangle + 4, -1), distance
     without, found = (follow_paths(scene, cast, start, ray, np.float32((-5, 0, 0)), each) for each in (None, of_solid))
-    np.testing.assert_allclose(without.color, [GOLD], atol=1e-3)
-    np.testing.assert_allclose(found.color, [RED], atol=1e-3)
+    np.testing.assert_allclose(without.color, [np.divide(GOLD, 1.04)], atol=1e-3)  # as a plate mirrors twice
+    np.testing.assert_allclose(found.color, [np.divide(RED, 1.04)], atol=1e-3)
 
 
 def test_lamps_in_a_mirror_of_a_mirror_are_left_to_its_highlights_and_behind_glass_they_are_seen():
