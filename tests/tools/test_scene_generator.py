@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Old profiles keep the scenes of their seeds, and the wide one makes everything that it promises."""
+"""Old profiles keep the scenes of their seeds; the wide and the layered one make everything that they promise."""
 import json
 import subprocess
 import sys
@@ -14,6 +14,7 @@ from tools.datagen.scenes import generator
 from tools.extension import leave
 bpy.ops.wm.read_factory_settings(use_empty=True)
 scenes = {}
+LAYERS = ("Coat Weight", "Sheen Weight", "Subsurface Weight", "Thin Film Thickness", "Anisotropic", "Diffuse Roughness")
 for seed, profile in json.loads(sys.argv[1]):
     setup = generator.build_scene((seed, 0), profile, 2)
     tree = bpy.context.scene.world.node_tree
@@ -22,6 +23,9 @@ for seed, profile in json.loads(sys.argv[1]):
         "vertices": [len(o.data.vertices) for o in sorted(bpy.data.objects, key=lambda o: o.name) if o.type == "MESH"],
         "size": max(max(o.dimensions) for o in bpy.data.objects),
         "materials": sorted({m.name.partition(".")[0] for m in bpy.data.materials}),
+        "layers": sorted({socket.name for m in bpy.data.materials for node in m.node_tree.nodes
+                          if node.type == "BSDF_PRINCIPLED" for socket in node.inputs
+                          if socket.name in LAYERS and not socket.is_linked and socket.default_value}),
         "lamps": [light.type for light in bpy.data.lights],
         "world": [n.bl_idname for n in tree.nodes] + [n.image.name for n in tree.nodes if hasattr(n, "image")],
         "panels": [sorted(o.dimensions) for o in bpy.data.objects if o.name.startswith("panel")],
@@ -37,12 +41,14 @@ HELD_OUT = {  # last light and last camera: what is drawn at the end changes wit
     "simple 3": ([0.376, -0.276, 1.912], [-0.58, 0.248, 1.184], [98, 100]),
 }
 WIDE = range(1, 61)
+LAYERED = range(900000, 900010)
 
 
 @pytest.fixture(scope="module")
 def scenes(tmp_path_factory) -> dict[str, dict]:
     path = tmp_path_factory.mktemp("scenes") / "scenes.json"
-    wanted = [(int(name.split()[1]), name.split()[0]) for name in HELD_OUT] + [(seed, "wide") for seed in WIDE]
+    wanted = [(int(name.split()[1]), name.split()[0]) for name in HELD_OUT] + [
+        (seed, profile) for profile, seeds in (("wide", WIDE), ("layered", LAYERED)) for seed in seeds]
     done = subprocess.run([sys.executable, "-c", LIST, json.dumps(wanted), str(path)], cwd=ROOT, capture_output=True,
                           text=True, timeout=600)
     assert done.returncode == 0, done.stderr
@@ -89,3 +95,10 @@ def test_wide_scenes_differ_in_size_lens_and_resolution(wide):
     budgets, lenses = [scene["budget"] for scene in wide], [lens for scene in wide for lens in scene["lenses"]]
     assert 2000 < min(budgets) < 3000 and 12000 < max(budgets) <= 16384
     assert min(lenses) < 0.45 and max(lenses) > 1.3 and len({scene["resolution"] for scene in wide}) > 2
+
+
+def test_layered_scenes_are_those_of_the_full_profile_with_layers_that_estimates_do_not_know(scenes):
+    layered, full = scenes["layered 900000"], scenes["full 900000"]
+    assert layered["objects"] == full["objects"] and not full["layers"]
+    assert set().union(*(scenes[f"layered {seed}"]["layers"] for seed in LAYERED)) == {
+        "Coat Weight", "Sheen Weight", "Subsurface Weight", "Thin Film Thickness", "Anisotropic", "Diffuse Roughness"}

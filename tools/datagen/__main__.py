@@ -3,9 +3,9 @@
 
 One file per seed; seeds whose file is there are skipped, so a killed run goes on where it was. A seed always gives the
 same scene. --profile simple has no textures, glass or volumes and at most four lights; mixed makes every third seed
-(those that 3 divides) simple and the others full; scenes/wide.py, scenes/interiors.py (indirect) and scenes/paper.py
-say what the other profiles hold; example is one room (scenes/example_room.py). A line of each sample goes into a
-manifest (manifest.py). --hdris, --meshes and --textures name folders of your own files.
+(those that 3 divides) simple and the others full; scenes/layers.py (layered), scenes/wide.py, scenes/interiors.py
+(indirect) and scenes/paper.py say what the other profiles hold; example is one room (scenes/example_room.py). A line of
+each sample goes into a manifest (manifest.py). --hdris, --meshes and --textures name folders of your own files.
 
 python -m tools.datagen OUT_DIR --blend FILE.blend [FILE.blend ...]: samples of your own scenes (blend_files.py). The
 files are opened and never saved; a sample is made again when its file is newer.
@@ -111,7 +111,7 @@ def main() -> int:
     parser.add_argument("--most-hints", type=whole_number(1), metavar="N",
                         help="instead from --hints to N, by chance: twice as many are half as likely")
     parser.add_argument("--profile", default="full",
-                        choices=("simple", "full", "mixed", "wide", "indirect", "paper", "example"))
+                        choices=("simple", "full", "layered", "mixed", "wide", "indirect", "paper", "example"))
     for option, what in (("--hdris", "panoramas"), ("--meshes", "objects"), ("--textures", "sets of texture maps")):
         parser.add_argument(option, type=Path, metavar="DIR", help=f"your own {what}, beside those that are built in")
     parser.add_argument("--own", type=float, default=0.5, metavar="SHARE",

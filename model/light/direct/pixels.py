@@ -67,11 +67,11 @@ def _shadows(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, effort:
         grid = min(max(shadow_grid(len(direct.emitters)), effort.shadow_grid), grid)
     pictures = Probes(*probes.picture, grid, grid, probes.separation).interpolate(
         partial(_trace_shadows, direct, effort), -surfaces.rays, surfaces.roughness, surfaces.f0,
-        filters=SMOOTH[:effort.smoothings], difference=_contrast)
+        filters=SMOOTH[:effort.smoothings], difference=_difference)
     return pictures["diffuse"], pictures["glossy"]
 
 
-def _contrast(visibility: Tensor, other: Tensor) -> Tensor:
+def _difference(visibility: Tensor, other: Tensor) -> Tensor:
     """(...,) of RGB (..., 3)."""
     return (visibility - other).abs().amax(-1) / PENUMBRA
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from . import example_room, interiors, own_data, paper, wide
 from .cameras import Setup, build_cameras
+from .layers import add_layers
 from .lights import build_lights
 from .materials import build_material
 from .media import build_volume
@@ -18,7 +19,6 @@ LIGHTS = {"simple": 4, "full": 8}  # at most; few are more likely, because they 
 WORLDS = {"simple": (0.25, 0.35, 0.4), "full": (0.55, 0.15, 0.3)}  # hdri, constant, none
 VOLUMES = {"simple": (1.0, 0.0, 0.0), "full": (0.7, 0.18, 0.12)}   # 0, 1, 2
 ATTEMPTS = 20
-PROFILES = {"wide": wide.build, "indirect": interiors.build}
 FOR_PUBLISHED = {"paper": paper.build, "example": example_room.build}  # with as many triangles as they are told
 
 
@@ -68,6 +68,12 @@ def _build(rng: np.random.Generator, profile: str, views: int) -> Setup | None:
     return Setup(cameras)
 
 
+def _build_layered(rng: np.random.Generator, views: int) -> Setup | None:
+    setup = _build(rng, "full", views)
+    add_layers(rng)
+    return setup
+
+
 def _add_light(rng: np.random.Generator, profile: str, room) -> None:
     """Lights and world share the irradiance that puts a half-grey facing surface at about half of white."""
     irradiance = 3.0 * np.exp(rng.normal(0.0, 0.35))
@@ -76,3 +82,6 @@ def _add_light(rng: np.random.Generator, profile: str, room) -> None:
     build_world(rng, world, share * irradiance / np.pi)
     counts = np.arange(1, LIGHTS[profile] + 1)
     build_lights(rng, room, int(rng.choice(counts, p=(1 / counts) / (1 / counts).sum())), (1 - share) * irradiance)
+
+
+PROFILES = {"wide": wide.build, "indirect": interiors.build, "layered": _build_layered}

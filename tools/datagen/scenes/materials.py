@@ -25,6 +25,7 @@ CHANCES = {  # profile and use -> chance of each class
     ("simple", "room"): (0.85, 0.15, 0.0, 0.0, 0.0),
 }
 ROUGHEST_MIRROR = 0.1
+PRINCIPLED = "Principled BSDF"  # the name of its node
 
 
 def build_material(rng: np.random.Generator, profile: str, use: str, kind: str | None = None) -> bpy.types.Material:
@@ -75,7 +76,7 @@ def new_material(name: str, inputs: dict[str, object]) -> bpy.types.Material:
 
 
 def principled(material: bpy.types.Material) -> bpy.types.ShaderNode:
-    return material.node_tree.nodes["Principled BSDF"]
+    return material.node_tree.nodes[PRINCIPLED]
 
 
 def set_inputs(material: bpy.types.Material, inputs: dict[str, object]) -> None:
