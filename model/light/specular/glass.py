@@ -60,7 +60,8 @@ def mirrored_by_plates(scene: RenderScene, cast: Cast, point: np.ndarray, lift: 
     point, lift, ray, entry, near = (x[rows] for x in (point, lift, ray, normal, texel))
     within = refracted(ray, entry, near[:, IOR], np.zeros(len(rows), bool))
     triangle, distance = cast(point + lift * within, within)[:2]
-    normal, leaves, far = surface(scene, triangle, point + (lift + distance[:, None]) * within, within)
+    distance = lift + np.where(triangle < 0, 0, distance)[:, None]
+    normal, leaves, far = surface(scene, triangle, point + distance * within, within)
     is_plate = (triangle >= 0) & leaves & is_glass(far, leaves) & (dot(entry, normal) > PARALLEL)
     mirrored = fresnel(-dot(within, normal), 1 / near[:, IOR].clip(1))[:, None]
     tint = tint_of_surface(near, ~leaves) * tint_of_surface(far, leaves)
