@@ -41,8 +41,8 @@ def lost(ray: np.ndarray, normal: np.ndarray, side: np.ndarray) -> np.ndarray:
 def passed_plates(entry: np.ndarray, normal: np.ndarray, ray: np.ndarray, ior: np.ndarray) -> np.ndarray:
     """(P,) share of what has entered glass at sides with normals `entry` (P, 3) and leaves it at others, with (P, 3).
 
-    1 where these are not parallel: what is mirrored there leaves elsewhere, and as much comes from elsewhere. All normals
-    face the rays (P, 3).
+    1 where these are not parallel: what is mirrored there leaves elsewhere, and as much comes from elsewhere. All
+    normals face the rays (P, 3).
     """
     mirrored = fresnel(-dot(ray, normal), 1 / ior.clip(1))
     return np.where(dot(entry, normal) > PARALLEL, 1 / (1 + mirrored), 1)
