@@ -47,6 +47,15 @@ def material(name, color=(0.8, 0.8, 0.8)):
     return made
 
 
+def glass(ior):
+    """Smooth and clear."""
+    made = material("Glass", (1, 1, 1))
+    inputs = made.node_tree.nodes["Principled BSDF"].inputs
+    inputs["Roughness"].default_value, inputs["IOR"].default_value = 0, ior
+    inputs["Transmission Weight"].default_value = 1
+    return made
+
+
 def volume_material(name, kind, inputs):
     """Of a medium without a surface; kind: of its node, inputs: their values by name."""
     made = material(name)

@@ -21,7 +21,7 @@ from ...surface_kinds import BENDING, SOLID, Kind, Ray
 from ..direct.direct_light import DirectLight
 from ..direct.emitter_light import END_GAP
 from ..sampling import R2, triangle_weights
-from ..specular.glass import CLEAR
+from ..specular.glass import CLEAR, lost
 from ..specular.paths import LIFT
 
 SURFACES = 8      # of glass that a photon passes at most
@@ -121,8 +121,7 @@ def _bend(scene: RenderScene, row: np.ndarray, at: np.ndarray, ray: np.ndarray,
     mirrors = metallic + (1 - metallic) * share
     is_reflected = chance[:, 2] < mirrors
     out = unit(np.where(is_reflected[:, None], reflected(ray, facet), refracted(ray, facet, ior, inside)))
-    same_side = dot(out, side) > 0
-    passes = unmasked(dot(ray, normal), dot(out, normal), alpha) * (same_side == is_reflected)
+    passes = unmasked(dot(ray, normal), dot(out, normal), alpha) * ~lost(out, facet, side)
     metal = (metallic / np.maximum(mirrors, 1e-9))[:, None]  # of what is reflected
     tint = np.where(is_reflected[:, None], 1 - metal + metal * texel[:, BASE_COLOR],
                     texel[:, TRANSMISSION, None] * tint_of_glass(texel[:, BASE_COLOR]))

@@ -144,7 +144,7 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
             facet = rough_facets(direction, specular, texel[:, ROUGHNESS] * bends, start[path], SURFACES - remaining)
         turned = np.where(bends[:, None], refracted(direction, facet, texel[:, IOR], inside),
                           reflected(direction, specular))
-        is_lost = bends & ~passes & (lost(turned, facet, side) | (remaining == 0))
+        is_lost = bends & (lost(turned, facet, side) | (remaining == 0))
         tint[is_lost] = 0
         if remaining == SURFACES - 1:
             lobe = _metal_lobe(point, normal, texel) if start is None else _exit_lobe(

@@ -2,7 +2,7 @@
 """A room that the sky lights through a pane alone: as bright as in Cycles, whatever the pane's index of refraction."""
 import pytest
 
-from tests.rf2_engine.f12 import cube, material, mesh_object
+from tests.rf2_engine.f12 import cube, glass, material, mesh_object
 from tests.rf2_engine.rooms import WHITE, assert_alike, beside_cycles
 
 
@@ -25,14 +25,6 @@ def room_with_a_window(scene, pane):
     scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 8
     scene.camera.location, scene.camera.rotation_euler = (1.6, -1.8, 1.7), (1.38, 0, 0.67)
     scene.camera.data.lens = 18
-
-
-def glass(ior):
-    made = material("Glass", (1, 1, 1))
-    inputs = made.node_tree.nodes["Principled BSDF"].inputs
-    inputs["Roughness"].default_value, inputs["IOR"].default_value = 0, ior
-    inputs["Transmission Weight"].default_value = 1
-    return made
 
 
 @pytest.mark.parametrize("pane", [1.0, 1.2, 1.45, 2.0, "sheet"])

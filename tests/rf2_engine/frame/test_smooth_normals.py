@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.rf2_engine.f12 import material, mesh_object
+from tests.rf2_engine.f12 import glass, material, mesh_object
 from tests.rf2_engine.rooms import WHITE, beside_cycles
 
 SIDES = 12
@@ -21,10 +21,7 @@ def tumbler(scene):
              for i in range(SIDES) for k in range(rings - 1)]
     faces += [(bottom, rings * ((i + 1) % SIDES), rings * i) for i in range(SIDES)]
     faces += [(top, rings * i + rings - 1, rings * ((i + 1) % SIDES) + rings - 1) for i in range(SIDES)]
-    glass = material("Glass", (1, 1, 1))
-    for name, value in (("Roughness", 0), ("IOR", 1.5), ("Transmission Weight", 1)):
-        glass.node_tree.nodes["Principled BSDF"].inputs[name].default_value = value
-    made = mesh_object(scene, "Tumbler", [*corners, (0, 0, 0.1), (0, 0, 0)], faces, glass)
+    made = mesh_object(scene, "Tumbler", [*corners, (0, 0, 0.1), (0, 0, 0)], faces, glass(1.5))
     made.data.shade_smooth()
     made.location.z = 0.02
 
