@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-FEW_PIXELS = 512 * 256  # below which each probe has more rays, so that there are as many in all
+FEW_PIXELS = 512 * 256  # below which each pixel has more rays, so that there are as many in all
 
 
 @dataclass(frozen=True)
 class Effort:
     rays: float = 1.0        # share of the rays of a finished picture
     probe_rays: float = 1.0  # the same for the rays of a probe
-    most_more: float = 8.0   # largest factor on the rays of a probe in small pictures
+    most_more: float = 8.0   # largest factor on both in small pictures
     shadow_grid: int = 1     # least distance in pixels between probes of shadows
     probe_grid: int = 1      # and of bounced light
     closer: int = 2          # factor on the density of probes where those around are unreliable
@@ -31,7 +31,8 @@ class Effort:
 
     def of_picture(self, pixels: int) -> Effort:
         """The effort for a picture of so many pixels."""
-        return replace(self, probe_rays=self.probe_rays * min(max(FEW_PIXELS / pixels, 1.0), self.most_more))
+        more = min(max(FEW_PIXELS / pixels, 1.0), self.most_more)
+        return replace(self, rays=self.rays * more, probe_rays=self.probe_rays * more)
 
 
 FULL = Effort()

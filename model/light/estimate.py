@@ -94,7 +94,7 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     probes = make_probes(raised, surfaces.normal, surfaces.is_covered, separation=separation)
     outgoing = partial(outgoing_radiance, radiosity, direct if with_direct else None, effort)
     with part(0.02, 0.3):
-        bounced, sky, fire = diffuse_bounces(radiosity, probes, filters, effort, with_direct)
+        bounced, sky, fire = diffuse_bounces(radiosity, probes, effort, with_direct)
     with part(0.3, 0.4):
         mirrors = replace(surfaces, roughness=roughness_within(surfaces))
         gloss = glossy_bounces(radiosity, probes, mirrors, filters, effort, is_traced, with_direct)

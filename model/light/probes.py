@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import cached_property
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -20,12 +21,21 @@ FINE = 1, 256     # the same in pictures of up to so many pixels
 RELIABLE = 0.5    # weight of the probes around a pixel from which on it needs none of its own
 LEAST = 1e-5      # weight that keeps the sum above zero
 CHUNK = 8192      # probes at a time: what their rays hit stays in a processor's cache
-SMOOTH, UNSMOOTHED = (1, 2), ()  # distances in probes of the 5x5 filters applied one after the other
-
 Light = dict[str, Tensor]           # by name, (P, C)
 ComputeLight = Callable[..., Light]  # of positions, normals (P, 3), numbers (P,), ...
-Difference = Callable[[Tensor, Tensor], Tensor]  # of the first light of probes, RGB (..., 3) -> (...), 0 if they agree
+# Of the light of probes (N, C) and the rows of neighbours (N, K) -> (N, K), 0 where they agree with their probe.
+Difference = Callable[[Tensor, Tensor], Tensor]
 Weights = tuple[Tensor, Tensor]     # numbers of the probes around pixels, row by row, and their weights, (P, K) both
+
+
+class Filter(NamedTuple):
+    """The mean of 5x5 probes."""
+
+    spread: int                          # probes from each to the next
+    difference: Difference | None = None  # where it is 1, probes count 1/e
+
+
+SMOOTH, UNSMOOTHED = (Filter(1), Filter(2)), ()  # applied one after the other
 
 
 def probe_grid(picture_size: int) -> int:
@@ -58,27 +68,26 @@ class Probes:
         self._neighbours = {}
 
     def interpolate(self, compute: ComputeLight, *per_pixel: Tensor, where: Tensor | None = None,
-                    filters: Iterable[int] = UNSMOOTHED, difference: Difference | None = None) -> Light:
+                    filters: Iterable[Filter] = UNSMOOTHED) -> Light:
         """Pictures (h, w, C) of the light that compute(position, normal, number, *per_pixel) returns for probes.
 
         per_pixel: (h, w, ...), further inputs, given for the probes. where: (h, w, 1) bool, the pixels that need
-        light, by default all that are covered; it is 0 elsewhere. filters: see SMOOTH; in all but the first, probes
-        between which a `difference` is 1 count 1/e for each other.
+        light, by default all that are covered; it is 0 elsewhere.
         """
         where = self.picture[2] if where is None else where
         is_valid = self.at_probes(where).flatten()
         at, light, sizes = self._compute(compute, is_valid, per_pixel)
         if len(light) or where.any():
-            light = self._interpolate(compute, per_pixel, where, is_valid, at, light, filters, difference)
+            light = self._interpolate(compute, per_pixel, where, is_valid, at, light, filters)
         else:
             light = light.new_zeros(*where.shape[:2], light.shape[1])
         return dict(zip(sizes, light.split(list(sizes.values()), -1), strict=True))
 
     def _interpolate(self, compute: ComputeLight, per_pixel: tuple[Tensor, ...], where: Tensor, is_valid: Tensor,
-                     at: Tensor, light: Tensor, filters: Iterable[int], difference: Difference | None) -> Tensor:
+                     at: Tensor, light: Tensor, filters: Iterable[Filter]) -> Tensor:
         table = _with_weight(light.new_zeros(len(is_valid), light.shape[1]), at, light, is_valid)
-        for i, spread in enumerate(filters):
-            table = self._filter(table, spread, difference if i else None)
+        for spread, difference in filters:
+            table = self._filter(table, spread, difference)
         probes = self
         while probes.grid > self.finest:
             coarse, reliability = _weighted_mean(table, probes._to_closer)
@@ -146,8 +155,7 @@ class Probes:
             self._neighbours[spread] = self._neighbour_weights(spread)
         number, weight = self._neighbours[spread]
         if difference is not None:
-            light = table[:, :3]
-            weight = weight * (-difference(light[number], light[:, None]).square()).exp()
+            weight = weight * (-difference(table[:, :-1], number).square()).exp()
         total = weighted_rows(table, number, weight)
         return torch.where(total[:, -1:] > 0, total / total[:, -1:].clamp_min(1e-12), table) * table[:, -1:]
 

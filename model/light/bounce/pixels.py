@@ -11,7 +11,7 @@ from ...progress import part
 from ..direct.direct_light import SKY_RAYS, DirectLight
 from ..effort import Effort
 from ..hit_surfaces import HitSurfaces
-from ..probes import SMOOTH, ComputeLight, Probes
+from ..probes import SMOOTH, ComputeLight, Filter, Probes
 from ..specular.paths import BLURRED
 from .radiosity import DiffuseLight, GlossyLight, Radiosity
 
@@ -19,7 +19,7 @@ CONTRAST = 0.3      # of the bounced light of two probes, at which they count 1/
 LEAST_RATIO = 1e-3  # diffuse over glossy albedo, below which the diffuse lobe is invisible
 
 
-def diffuse_bounces(radiosity: Radiosity, probes: Probes, filters: Iterable[int], effort: Effort,
+def diffuse_bounces(radiosity: Radiosity, probes: Probes, effort: Effort,
                     with_sky: bool) -> tuple[Tensor, Tensor | None, Tensor | None]:
     """(h, W, 3) radiance of a white diffuse lobe, and, `with_sky`, the visibility of the sky and the light of fire.
 
@@ -29,7 +29,8 @@ def diffuse_bounces(radiosity: Radiosity, probes: Probes, filters: Iterable[int]
         light = radiosity.diffuse(x, n, number, effort, with_sky)
         return _named(light if with_sky else light._replace(fire=None))
 
-    pictures = probes.interpolate(compute, filters=filters, difference=_contrast)
+    filters = Filter(1), Filter(2, _contrast)
+    pictures = probes.interpolate(compute, filters=filters[:effort.smoothings])
     return pictures["indirect"], pictures.get("sky"), pictures.get("fire")
 
 
@@ -51,8 +52,8 @@ class GlossyPixels:
         return (bounced - self.missed / diffuse_ratio[..., None].clamp_min(LEAST_RATIO)).clamp_min(0)
 
 
-def glossy_bounces(radiosity: Radiosity, probes: Probes, surfaces: HitSurfaces, filters: Iterable[int], effort: Effort,
-                   is_traced: bool, with_sky: bool) -> GlossyPixels:
+def glossy_bounces(radiosity: Radiosity, probes: Probes, surfaces: HitSurfaces, filters: Iterable[Filter],
+                   effort: Effort, is_traced: bool, with_sky: bool) -> GlossyPixels:
     """Indirect light of white glossy lobes; what rough ones show is a mean that filters do not blur further."""
     def compute(x: Tensor, n: Tensor, number: Tensor, *gloss: Tensor) -> dict[str, Tensor]:
         return _named(radiosity.glossy(x, n, *gloss, number, effort, is_traced, with_sky))
@@ -69,7 +70,7 @@ def glossy_bounces(radiosity: Radiosity, probes: Probes, surfaces: HitSurfaces, 
                         pictures["highlights"])
 
 
-def light_behind(compute: ComputeLight, probes: Probes, rise: Tensor, filters: Iterable[int],
+def light_behind(compute: ComputeLight, probes: Probes, rise: Tensor, filters: Iterable[Filter],
                  where: Tensor) -> dict[str, Tensor]:
     """(h, W, 3) what `compute` gives on the other side of the surfaces that probes are raised above, by (h, W, 1)."""
     def compute_behind(x: Tensor, n: Tensor, number: Tensor, rise: Tensor) -> dict[str, Tensor]:
@@ -91,8 +92,9 @@ def outgoing_radiance(radiosity: Radiosity, direct: DirectLight | None, effort: 
         return {"bounced": bounced, "complete": bounced + (arriving if fire is None else arriving + fire)}
 
 
-def _contrast(light: Tensor, other: Tensor) -> Tensor:
-    """(...,) of RGB (..., 3): it changes fast where surfaces touch."""
+def _contrast(light: Tensor, neighbours: Tensor) -> Tensor:
+    """Difference of the first three channels, RGB: it changes fast where surfaces touch."""
+    light, other = light[:, None, :3], light[:, :3][neighbours]
     return ((light - other).abs() / (light + other).clamp_min(1e-9)).amax(-1) / CONTRAST
 
 

@@ -116,7 +116,7 @@ class DirectLight:
         with part(0.0, 0.5):
             sky = self.sky_visibility(position, normal, start, sky_rays)
         with part(0.5, 1.0):
-            return Visibility(sky, self.emitter_visibility(position, normal, start[:, None])[0])
+            return Visibility(sky, self.emitter_visibility(position, normal, position[:, None], start[:, None])[0])
 
     def sky_visibility(self, position: Tensor, normal: Tensor, start: Tensor, rays: int) -> Tensor:
         """(P, 3) share of the sky's irradiance, by so many rays from each point; arguments as above."""
@@ -124,9 +124,10 @@ class DirectLight:
             return torch.ones_like(position)
         return self.sky(position, normal, start, rays)
 
-    def emitter_visibility(self, position: Tensor, normal: Tensor, start: Tensor, *gloss: Tensor) -> tuple[Tensor, ...]:
+    def emitter_visibility(self, position: Tensor, normal: Tensor, origin: Tensor, start: Tensor,
+                           *gloss: Tensor) -> tuple[Tensor, ...]:
         """As EmitterLight.visibility."""
-        return in_chunks(CHUNK, self.emitters.visibility, position, normal, start, *gloss)
+        return in_chunks(CHUNK, self.emitters.visibility, position, normal, origin, start, *gloss)
 
     def highlights(self, position: Tensor, normal: Tensor, start: Tensor, *gloss: Tensor) -> Tensor:
         """As EmitterLight.highlights."""

@@ -148,20 +148,25 @@ class EmitterLight:
         one._divide()
         return one
 
-    def visibility(self, x: Tensor, n: Tensor, start: Tensor, *gloss: Tensor) -> tuple[Tensor, ...]:
+    def visibility(self, x: Tensor, n: Tensor, origin: Tensor, start: Tensor, *gloss: Tensor) -> tuple[Tensor, ...]:
         """Share of the emitters' light at points x (P, 3) with unit normals n (P, 3) that is not blocked, (P, 3) each.
 
         Of the light that a diffuse lobe sends on, and with `gloss` (outgoing (P, 3), roughness and f0 (P,)) that of a
-        glossy lobe too. By K shadow rays to each emitter, spread over it by `start` (P, K, 2) in [0, 1).
+        glossy lobe too. By K shadow rays to each emitter, from `origin` (P, K, 3) on the same surface, spread over it
+        by `start` (P, K, 2) in [0, 1). The last (P, 1) is how far rays to one emitter disagree: 0 where all or none
+        arrive, 1 where half do.
         """
         direction, sine2, in_beam = self._directions(x)
         cosine = cosines(direction, n)
         lobes = [sphere_form_factor(cosine, sine2) * in_beam]
         if gloss:
             lobes.append(self._glossy(x, n, direction, sine2, *gloss) * in_beam)
-        visible = self._visible(x, n, start, lobes[0] > 0, direction)
-        return tuple(_arriving(lobe, visible, radiance) / (lobe @ radiance).clamp_min(1e-12)
-                     for lobe, radiance in zip(lobes, (self._to_diffuse, self._to_glossy)))
+        visible = self._visible(origin, n, start, lobes[0] > 0, direction)
+        share, power = visible.mean(-1), lobes[0] * self._to_diffuse.mean(1)
+        spread2 = (power.square() * share * (1 - share)).sum(1, keepdim=True)
+        disagreement = 2 * spread2.sqrt() / power.sum(1, keepdim=True).clamp_min(1e-12)
+        return *(_arriving(lobe, visible, radiance) / (lobe @ radiance).clamp_min(1e-12)
+                 for lobe, radiance in zip(lobes, (self._to_diffuse, self._to_glossy))), disagreement
 
     def highlights(self, x: Tensor, n: Tensor, start: Tensor, *gloss: Tensor) -> Tensor:
         """(P, 3) radiance of the emitters that white glossy lobes send on, past what is in the way.
@@ -172,12 +177,14 @@ class EmitterLight:
         lobe = self._glossy(x, n, direction, sine2, *gloss) * in_beam
         power = lobe * self._to_glossy.mean(1)
         is_shown = power > DIM * power.amax(1, keepdim=True)
-        return _arriving(lobe * is_shown, self._visible(x, n, start, is_shown, direction), self._to_glossy)
+        return _arriving(lobe * is_shown, self._visible(x[:, None], n, start, is_shown, direction), self._to_glossy)
 
-    def _visible(self, x: Tensor, n: Tensor, start: Tensor, is_lit: Tensor, direction: Tensor) -> Tensor:
-        """As `_trace_shadows`, by K rays from points (P, 3) with unit normals (P, 3); start: (P, K, 2)."""
+    def _visible(self, origin: Tensor, n: Tensor, start: Tensor, is_lit: Tensor, direction: Tensor) -> Tensor:
+        """As `_trace_shadows`, by K rays of points with unit normals (P, 3); origin: (P, K or 1, 3), start: (P, K, 2).
+        """
+        rays = zip(origin.expand(-1, start.shape[1], -1).unbind(1), start.unbind(1), strict=True)
         return sum(self._trace_shadows(x + LIFT * n, is_lit, direction, on_emitter)
-                   for on_emitter in start.unbind(1)) / start.shape[1]
+                   for x, on_emitter in rays) / start.shape[1]
 
     def _trace_shadows(self, x: Tensor, is_lit: Tensor, direction: Tensor, start: Tensor) -> Tensor:
         """(P, E, 1) or (P, E, 3) share of each emitter's light that arrives at points (P, 3) by one ray.

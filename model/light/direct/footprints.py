@@ -10,6 +10,8 @@ from torch.nn import functional as F
 from ...first_hits.camera_rays import SAMPLE_POINTS
 from ..edge_stopping import edge_weights, plane_tolerance
 from ..hit_surfaces import HitSurfaces
+from ..vectors import dot
+from .environment_light import LIFT
 
 LEAST = 0.1  # weight from which on the next pixel shows the same surface
 TURNED = 0.02  # squared alpha of a lobe as wide as what a pixel mirrors, over the squared turn of that
@@ -24,6 +26,22 @@ def footprints(surfaces: HitSurfaces) -> Tensor:
     values = torch.cat([surfaces.position, surfaces.normal, -surfaces.rays], -1).permute(2, 0, 1)
     tolerance = plane_tolerance(values[:3], surfaces.is_covered[..., 0])
     return torch.stack([_change(values, tolerance, axis) for axis in (2, 1)], 1).permute(2, 3, 1, 0)
+
+
+def flat_steps(surfaces: HitSurfaces) -> Tensor:
+    """(h, W, 2, 3) from a pixel to the next one, right and down, along a flat surface.
+
+    0 where it is bent or ends: points a part of a step off would lie below it, or beside it.
+    """
+    position, is_flat, steps = surfaces.position, surfaces.is_covered[..., 0], []
+    for axis in (1, 0):
+        step = position.diff(dim=axis)
+        ends = [0, 0] * (2 - axis)
+        beside = F.pad(step, (*ends, 0, 1)), F.pad(step, (*ends, 1, 0))
+        for change in beside:
+            is_flat = is_flat & (dot(change, surfaces.normal).abs() < LIFT)
+        steps.append(sum(beside) / 2)
+    return torch.stack(steps, 2) * is_flat[..., None, None]
 
 
 def mirrored_turn2(footprint: Tensor) -> Tensor:

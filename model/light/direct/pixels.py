@@ -8,16 +8,19 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ...first_hits.camera_rays import SAMPLE_POINTS
 from ...progress import part
 from ..effort import Effort
 from ..hit_surfaces import HitSurfaces
-from ..probes import SMOOTH, Probes
+from ..probes import SMOOTH, ComputeLight, Filter, Light, Probes
 from ..sampling import r2_starts
 from .direct_light import DirectLight, LobeVisibility
-from .footprints import footprints
+from .footprints import flat_steps, footprints
 
 SHADOW_RAYS, EMITTER_RAYS = 16, 6  # of a pixel, and of these to one emitter at most
-PENUMBRA = 0.3                     # difference of visibility that is no noise of one penumbra
+PENUMBRA, EDGE = 0.3, 0.14         # difference of visibility that is no noise in a penumbra, and at a sharp edge
+DECISIVE = 4                       # rays from a pixel to an emitter from which on they tell one from the other
+LINE, AREA = 0.4, 0.8              # mean disagreement of such rays around an edge, and within a penumbra
 
 
 def direct_light(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, *rest) -> list[Tensor]:
@@ -62,23 +65,57 @@ def shadow_grid(emitters: int) -> int:
 def _shadows(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, effort: Effort,
              is_sharp: bool) -> tuple[Tensor, Tensor]:
     """(h, W, 3) visibility of the emitters for the diffuse and the glossy lobe."""
-    grid = probes.grid
+    of_pixel = max(effort.of(SHADOW_RAYS), SHADOW_RAYS)
+    grid, rays = probes.grid, max(min(of_pixel // max(len(direct.emitters), 1), effort.of(EMITTER_RAYS)), 1)
     if is_sharp:
         grid = min(max(shadow_grid(len(direct.emitters)), effort.shadow_grid), grid)
-    pictures = Probes(*probes.picture, grid, grid, probes.separation).interpolate(
-        partial(_trace_shadows, direct, effort), -surfaces.rays, surfaces.roughness, surfaces.f0,
-        filters=SMOOTH[:effort.smoothings], difference=_difference)
+    probes, trace = Probes(*probes.picture, grid, grid, probes.separation), partial(_trace_shadows, direct, rays)
+    points = grid * flat_steps(surfaces), -surfaces.rays, surfaces.roughness, surfaces.f0
+    if is_sharp and rays >= DECISIVE:
+        pictures = _smooth_penumbras(probes, probes.interpolate(trace, *points), effort)
+    else:
+        filters = Filter(1), Filter(2, _difference)
+        pictures = probes.interpolate(trace, *points, filters=filters[:effort.smoothings])
     return pictures["diffuse"], pictures["glossy"]
 
 
-def _difference(visibility: Tensor, other: Tensor) -> Tensor:
-    """(...,) of RGB (..., 3)."""
-    return (visibility - other).abs().amax(-1) / PENUMBRA
+def _smooth_penumbras(probes: Probes, visibility: Light, effort: Effort) -> Light:
+    """Visibility at all pixels, smoothed where rays to one emitter disagree all around, as they do in a penumbra.
+
+    Where they disagree along a line alone, that is the edge of a shadow, which stays sharp.
+    """
+    around = probes.interpolate(_known("mean"), visibility["disagreement"], filters=SMOOTH[:1])["mean"]
+    in_penumbra = ((around - LINE) / (AREA - LINE)).clamp(0, 1)
+    pictures = visibility | {"tolerance": EDGE + (PENUMBRA - EDGE) * in_penumbra}
+    filters = Filter(1, _difference_at_edges), Filter(2, _difference_at_edges)
+    return probes.interpolate(_known(*pictures), *pictures.values(), filters=filters[:effort.smoothings])
 
 
-def _trace_shadows(direct: DirectLight, effort: Effort, x: Tensor, n: Tensor, number: Tensor,
+def _known(*names: str) -> ComputeLight:
+    """Gives probes what is known at their pixels."""
+    return lambda x, n, number, *pictures: dict(zip(names, pictures, strict=True))
+
+
+def _difference(visibility: Tensor, neighbours: Tensor, tolerance: Tensor | float = PENUMBRA) -> Tensor:
+    """Difference of the diffuse lobe's, which comes first, over what is no difference."""
+    diffuse = visibility[:, :3]
+    return (diffuse[neighbours] - diffuse[:, None]).abs().amax(-1) / tolerance
+
+
+def _difference_at_edges(visibility: Tensor, neighbours: Tensor) -> Tensor:
+    """The same over the mean tolerance, which comes last."""
+    tolerance = visibility[:, -1]
+    return _difference(visibility, neighbours, (tolerance[neighbours] + tolerance[:, None]) / 2)
+
+
+def _trace_shadows(direct: DirectLight, rays: int, x: Tensor, n: Tensor, number: Tensor, steps: Tensor,
                    *gloss: Tensor) -> dict[str, Tensor]:
-    """Visibility of the emitters from points, by some rays to each: SHADOW_RAYS in all."""
-    count = max(min(SHADOW_RAYS // max(len(direct.emitters), 1), effort.of(EMITTER_RAYS)), 1)
-    start = torch.stack([r2_starts(count * number + k) for k in range(count)], 1)
-    return dict(zip(("diffuse", "glossy"), direct.emitter_visibility(x, n, start, *gloss)))
+    """Visibility of the emitters from points, and how far rays disagree, by so many rays to each.
+
+    steps: (P, 2, 3), across the pixel in which the rays start.
+    """
+    numbers = rays * number[:, None] + torch.arange(rays, device=x.device)
+    start = torch.stack([r2_starts(of_ray) for of_ray in numbers.unbind(1)], 1)
+    offset = torch.from_numpy(np.float32(SAMPLE_POINTS - 0.5)).to(x.device)[numbers.long() % len(SAMPLE_POINTS)]
+    found = direct.emitter_visibility(x, n, x[:, None] + offset @ steps, start, *gloss)
+    return dict(zip(("diffuse", "glossy", "disagreement"), found, strict=True))

@@ -12,7 +12,7 @@ from ...scene import Guides
 from ..direct.direct_light import DirectLight
 from ..fresnel import lobe_albedo
 from ..hit_surfaces import HitSurfaces, tensors_on
-from ..probes import Probes
+from ..probes import Filter, Probes
 from ..sampling import r2_starts
 from ..vectors import dot, unit
 from .frosted import frosted
@@ -63,7 +63,7 @@ def refracted_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, 
 
 
 def path_end_light(make_probes: Callable[..., Probes], outgoing: Callable[..., dict[str, Tensor]],
-                   filters: Iterable[int], device: torch.device, lobe: str,
+                   filters: Iterable[Filter], device: torch.device, lobe: str,
                    guides: Guides) -> tuple[dict[str, Tensor], Tensor]:
     """(h, W, 3) radiance from the surfaces at which specular paths end, tinted, and (h, W, 1) bool where they meet any.
 

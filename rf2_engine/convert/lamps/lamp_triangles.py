@@ -149,7 +149,7 @@ def _ball_radius(lamp: PlacedLamp) -> float:
 
 def _sun(lamp: PlacedLamp) -> Sun:
     own = lamp.light.angle
-    if own < SUN_ANGLE:
+    if own < 0.99 * SUN_ANGLE:
         was, now = math.degrees(own), math.degrees(SUN_ANGLE)
         lamp.approximated(f"the sun's angle is {now:.2g} instead of {was:.2g} degrees: estimated shadows are "
                           "softer")

@@ -121,7 +121,7 @@ def test_what_was_traced_is_estimated_as_well_if_that_is_asked_for(roughness):
     scene, (view, guides) = walls((0.8, 0.3, 0.3)), floor_view()
     scene.tiles[:, ROUGHNESS] = roughness
     light, traced = scene_light(scene), replace(guides, traced=0.5 * guides.diffuse_color)
-    plain = replace(FULL, edges=False)  # highlights and edges beside traced light are coarser
+    plain = replace(FULL, edges=False, smoothings=0)  # highlights, edges and shadows beside traced light are coarser
     beside, untraced = (estimate_light(light, view, given, plain) for given in (traced, guides))
     assert not torch.equal(beside.bounces(), untraced.bounces())  # lobes share what traced light leaves out
     torch.testing.assert_close(beside.estimate() + beside.bounces(), untraced.radiance(), rtol=1e-3, atol=1e-4)

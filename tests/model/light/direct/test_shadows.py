@@ -83,7 +83,7 @@ def test_the_shadow_of_a_wide_lamp_has_a_soft_edge():
     start, visible = r2_starts(torch.arange(many))[:, None], []
     for x in (-0.9, 0.0, 0.9):
         points = torch.tensor([[x, 0.1, 0.0]]).expand(many, 3)
-        visible.append(shaded.emitter_visibility(points, UP.expand(many, 3), start)[0].mean().item())
+        visible.append(shaded.emitter_visibility(points, UP.expand(many, 3), points[:, None], start)[0].mean().item())
     assert visible[0] > 0.95 and 0.25 < visible[1] < 0.75 and visible[2] < 0.05
 
 
@@ -102,7 +102,8 @@ def test_a_highlight_has_the_shadow_of_its_own_lamp():
         plate = under_a_sky(SQUARE * 0.3 + np.float32((0, 0, height)))
         direct = DirectLight(floor.appended(aside, plate))
         gloss = torch.full((1,), 0.1), torch.full((1,), 0.04)
-        diffuse, glossy = direct.emitter_visibility(torch.zeros(1, 3), UP, start, UP, *gloss)
+        point = torch.zeros(1, 3)
+        diffuse, glossy, _ = direct.emitter_visibility(point, UP, point[None], start, UP, *gloss)
         torch.testing.assert_close(glossy, torch.full((1, 3), float(visible)), atol=0.02, rtol=0)
         assert 0.1 < diffuse.mean() < 0.9 or visible
 
