@@ -10,11 +10,11 @@ from torch.nn import functional as F
 from ...first_hits.camera_rays import SAMPLE_POINTS
 from ..edge_stopping import edge_weights, plane_tolerance
 from ..hit_surfaces import HitSurfaces
-from ..vectors import dot
-from .environment_light import LIFT
+from ..vectors import dot, length
 
 LEAST = 0.1  # weight from which on the next pixel shows the same surface
 TURNED = 0.02  # squared alpha of a lobe as wide as what a pixel mirrors, over the squared turn of that
+EVEN = 0.1   # largest slope of the way to the next pixel, from the surface, where it goes on
 OTHER = 9.0  # squared change of the normal, more than there is, to another surface
 
 
@@ -28,20 +28,24 @@ def footprints(surfaces: HitSurfaces) -> Tensor:
     return torch.stack([_change(values, tolerance, axis) for axis in (2, 1)], 1).permute(2, 3, 1, 0)
 
 
-def flat_steps(surfaces: HitSurfaces) -> Tensor:
-    """(h, W, 2, 3) from a pixel to the next one, right and down, along a flat surface.
+def smooth_steps(surfaces: HitSurfaces) -> Tensor:
+    """(h, W, 3, 3) from a pixel to the next one, right and down, where the surface goes on evenly, and how far up a
+    point between them has to be to lie above it.
 
-    0 where it is bent or ends: points a part of a step off would lie below it, or beside it.
+    0 where the surface is folded or ends: points a part of a step off would lie below it, or beside it.
     """
-    position, is_flat, steps = surfaces.position, surfaces.is_covered[..., 0], []
+    position, is_smooth, steps = surfaces.position, surfaces.is_covered[..., 0], []
+    above = torch.zeros_like(surfaces.roughness)
     for axis in (1, 0):
         step = position.diff(dim=axis)
         ends = [0, 0] * (2 - axis)
-        beside = F.pad(step, (*ends, 0, 1)), F.pad(step, (*ends, 1, 0))
-        for change in beside:
-            is_flat = is_flat & (dot(change, surfaces.normal).abs() < LIFT)
-        steps.append(sum(beside) / 2)
-    return torch.stack(steps, 2) * is_flat[..., None, None]
+        behind, ahead = F.pad(step, (*ends, 1, 0)), F.pad(step, (*ends, 0, 1))
+        for change in (-behind, ahead):
+            height = dot(change, surfaces.normal)
+            above = torch.maximum(above, height)
+            is_smooth = is_smooth & (height.abs() <= EVEN * length(change))
+        steps.append((behind + ahead) / 2)
+    return torch.stack([*steps, above[..., None] * surfaces.normal], 2) * is_smooth[..., None, None]
 
 
 def mirrored_turn2(footprint: Tensor) -> Tensor:

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
 from ...first_hits.camera_rays import SAMPLE_POINTS
 from ...progress import part
@@ -15,7 +16,7 @@ from ..hit_surfaces import HitSurfaces
 from ..probes import SMOOTH, ComputeLight, Filter, Light, Probes
 from ..sampling import r2_starts
 from .direct_light import DirectLight, LobeVisibility
-from .footprints import flat_steps, footprints
+from .footprints import footprints, smooth_steps
 
 SHADOW_RAYS, EMITTER_RAYS = 16, 6  # of a pixel, and of these to one emitter at most
 PENUMBRA, EDGE = 0.3, 0.14         # difference of visibility that is no noise in a penumbra, and at a sharp edge
@@ -70,7 +71,7 @@ def _shadows(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, effort:
     if is_sharp:
         grid = min(max(shadow_grid(len(direct.emitters)), effort.shadow_grid), grid)
     probes, trace = Probes(*probes.picture, grid, grid, probes.separation), partial(_trace_shadows, direct, rays)
-    points = grid * flat_steps(surfaces), -surfaces.rays, surfaces.roughness, surfaces.f0
+    points = grid * smooth_steps(surfaces), -surfaces.rays, surfaces.roughness, surfaces.f0
     if is_sharp and rays >= DECISIVE:
         pictures = _smooth_penumbras(probes, probes.interpolate(trace, *points), effort)
     else:
@@ -112,10 +113,11 @@ def _trace_shadows(direct: DirectLight, rays: int, x: Tensor, n: Tensor, number:
                    *gloss: Tensor) -> dict[str, Tensor]:
     """Visibility of the emitters from points, and how far rays disagree, by so many rays to each.
 
-    steps: (P, 2, 3), across the pixel in which the rays start.
+    steps: (P, 3, 3), across the pixel in which the rays start, and up (smooth_steps).
     """
     numbers = rays * number[:, None] + torch.arange(rays, device=x.device)
     start = torch.stack([r2_starts(of_ray) for of_ray in numbers.unbind(1)], 1)
-    offset = torch.from_numpy(np.float32(SAMPLE_POINTS - 0.5)).to(x.device)[numbers.long() % len(SAMPLE_POINTS)]
-    found = direct.emitter_visibility(x, n, x[:, None] + offset @ steps, start, *gloss)
+    offset = F.pad(torch.from_numpy(np.float32(SAMPLE_POINTS - 0.5)), (0, 1), value=1.0).to(x.device)
+    origin = x[:, None] + offset[numbers % len(offset)] @ steps
+    found = direct.emitter_visibility(x, n, origin, start, *gloss)
     return dict(zip(("diffuse", "glossy", "disagreement"), found, strict=True))
