@@ -21,6 +21,7 @@ FINE = 1, 256     # the same in pictures of up to so many pixels
 RELIABLE = 0.5    # weight of the probes around a pixel from which on it needs none of its own
 LEAST = 1e-5      # weight that keeps the sum above zero
 CHUNK = 8192      # probes at a time: what their rays hit stays in a processor's cache
+
 Light = dict[str, Tensor]           # by name, (P, C)
 ComputeLight = Callable[..., Light]  # of positions, normals (P, 3), numbers (P,), ...
 # Of the light of probes (N, C) and the rows of neighbours (N, K) -> (N, K), 0 where they agree with their probe.

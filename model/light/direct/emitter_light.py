@@ -163,7 +163,7 @@ class EmitterLight:
             lobes.append(self._glossy(x, n, direction, sine2, *gloss) * in_beam)
         visible = self._visible(origin, n, start, lobes[0] > 0, direction)
         share, power = visible.mean(-1), lobes[0] * self._to_diffuse.mean(1)
-        spread2 = (power.square() * share * (1 - share)).sum(1, keepdim=True)
+        spread2 = (power.square() * share * (1 - share)).sum(1, keepdim=True).clamp_min(0)
         disagreement = 2 * spread2.sqrt() / power.sum(1, keepdim=True).clamp_min(1e-12)
         return *(_arriving(lobe, visible, radiance) / (lobe @ radiance).clamp_min(1e-12)
                  for lobe, radiance in zip(lobes, (self._to_diffuse, self._to_glossy))), disagreement
