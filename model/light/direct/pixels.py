@@ -19,7 +19,7 @@ from .direct_light import DirectLight, LobeVisibility
 from .footprints import footprints, smooth_steps
 
 SHADOW_RAYS, EMITTER_RAYS = 16, 6  # of a pixel, and of these to one emitter at most
-PENUMBRA, EDGE = 0.3, 0.14         # difference of visibility that is no noise in a penumbra, and at a sharp edge
+PENUMBRA = 0.3                     # difference of visibility that is no noise of one penumbra
 DECISIVE = 4                       # rays from a pixel to an emitter from which on they tell one from the other
 LINE, AREA = 0.4, 0.8              # mean disagreement of such rays around an edge, and within a penumbra
 
@@ -87,8 +87,8 @@ def _smooth_penumbras(probes: Probes, visibility: Light, effort: Effort) -> Ligh
     """
     around = probes.interpolate(_known("mean"), visibility["disagreement"], filters=SMOOTH[:1])["mean"]
     in_penumbra = ((around - LINE) / (AREA - LINE)).clamp(0, 1)
-    pictures = visibility | {"tolerance": EDGE + (PENUMBRA - EDGE) * in_penumbra}
-    filters = Filter(1, _difference_at_edges), Filter(2, _difference_at_edges)
+    pictures = visibility | {"is_edge": 1 - in_penumbra}
+    filters = Filter(1, _difference_at_edges), Filter(2, _difference)
     return probes.interpolate(_known(*pictures), *pictures.values(), filters=filters[:effort.smoothings])
 
 
@@ -97,16 +97,16 @@ def _known(*names: str) -> ComputeLight:
     return lambda x, n, number, *pictures: dict(zip(names, pictures, strict=True))
 
 
-def _difference(visibility: Tensor, neighbours: Tensor, tolerance: Tensor | float = PENUMBRA) -> Tensor:
-    """Difference of the diffuse lobe's, which comes first, over what is no difference."""
+def _difference(visibility: Tensor, neighbours: Tensor) -> Tensor:
+    """Difference of the diffuse lobe's, which comes first."""
     diffuse = visibility[:, :3]
-    return (diffuse[neighbours] - diffuse[:, None]).abs().amax(-1) / tolerance
+    return (diffuse[neighbours] - diffuse[:, None]).abs().amax(-1) / PENUMBRA
 
 
 def _difference_at_edges(visibility: Tensor, neighbours: Tensor) -> Tensor:
-    """The same over the mean tolerance, which comes last."""
-    tolerance = visibility[:, -1]
-    return _difference(visibility, neighbours, (tolerance[neighbours] + tolerance[:, None]) / 2)
+    """The same, and none within penumbras; what is none comes last."""
+    is_edge = visibility[:, -1]
+    return _difference(visibility, neighbours) * (is_edge[neighbours] + is_edge[:, None]) / 2
 
 
 def _trace_shadows(direct: DirectLight, rays: int, x: Tensor, n: Tensor, number: Tensor, steps: Tensor,
