@@ -20,7 +20,7 @@ from .footprints import footprints, smooth_steps
 
 SHADOW_RAYS, EMITTER_RAYS = 16, 6  # of a pixel, and of these to one emitter at most
 PENUMBRA = 0.3                     # difference of visibility that is no noise of one penumbra
-DECISIVE = 4                       # rays from a pixel to an emitter from which on they tell one from the other
+DECISIVE = 4                       # rays from a pixel to an emitter, from which on they tell a penumbra from a sharp edge
 LINE, AREA = 0.4, 0.8              # mean disagreement of such rays around an edge, and within a penumbra
 
 
@@ -104,7 +104,7 @@ def _difference(visibility: Tensor, neighbours: Tensor) -> Tensor:
 
 
 def _difference_at_edges(visibility: Tensor, neighbours: Tensor) -> Tensor:
-    """The same, and none within penumbras; what is none comes last."""
+    """The same, and none within penumbras; how far a probe is at an edge comes last."""
     is_edge = visibility[:, -1]
     return _difference(visibility, neighbours) * (is_edge[neighbours] + is_edge[:, None]) / 2
 
