@@ -20,7 +20,7 @@ from .footprints import footprints, smooth_steps
 
 SHADOW_RAYS, EMITTER_RAYS = 16, 6  # of a pixel, and of these to one emitter at most
 PENUMBRA = 0.3                     # difference of visibility that is no noise of one penumbra
-DECISIVE = 4                       # rays from a pixel to an emitter, from which on they tell a penumbra from a sharp edge
+DECISIVE = 4                       # rays from a pixel to an emitter, from which on they tell a penumbra from an edge
 LINE, AREA = 0.4, 0.8              # mean disagreement of such rays around an edge, and within a penumbra
 
 
