@@ -62,8 +62,12 @@ def roughness_within(surfaces: HitSurfaces) -> Tensor:
 
 def points_within(footprint: Tensor) -> list[Tensor]:
     """(P, 9) changes of these at points of pixels, which are distributed as Cycles' filter, by footprints (P, 2, 9)."""
-    offsets = torch.from_numpy(np.float32(SAMPLE_POINTS - 0.5)).to(footprint.device)
-    return [(offset[:, None] * footprint).sum(1) for offset in offsets]
+    return [(offset[:, None] * footprint).sum(1) for offset in offsets_within(footprint.device)]
+
+
+def offsets_within(device: torch.device) -> Tensor:
+    """(K, 2) right and down from the middle of a pixel to points in it and beyond, distributed as Cycles' filter."""
+    return torch.from_numpy(np.float32(SAMPLE_POINTS - 0.5)).to(device)
 
 
 def _change(values: Tensor, tolerance: Tensor, axis: int) -> Tensor:

@@ -9,14 +9,13 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ...first_hits.camera_rays import SAMPLE_POINTS
 from ...progress import part
 from ..effort import Effort
 from ..hit_surfaces import HitSurfaces
 from ..probes import SMOOTH, ComputeLight, Filter, Light, Probes
 from ..sampling import r2_starts
 from .direct_light import DirectLight, LobeVisibility
-from .footprints import footprints, smooth_steps
+from .footprints import footprints, offsets_within, smooth_steps
 
 SHADOW_RAYS, EMITTER_RAYS = 16, 6  # of a pixel, and of these to one emitter at most
 PENUMBRA = 0.3                     # difference of visibility that is no noise of one penumbra
@@ -116,8 +115,8 @@ def _trace_shadows(direct: DirectLight, rays: int, x: Tensor, n: Tensor, number:
     steps: (P, 3, 3), across the pixel in which the rays start, and up (smooth_steps).
     """
     numbers = rays * number[:, None] + torch.arange(rays, device=x.device)
-    start = torch.stack([r2_starts(of_ray) for of_ray in numbers.unbind(1)], 1)
-    offset = F.pad(torch.from_numpy(np.float32(SAMPLE_POINTS - 0.5)), (0, 1), value=1.0).to(x.device)
+    start = r2_starts(numbers.flatten()).unflatten(0, numbers.shape)
+    offset = F.pad(offsets_within(x.device), (0, 1), value=1.0)
     origin = x[:, None] + offset[numbers % len(offset)] @ steps
     found = direct.emitter_visibility(x, n, origin, start, *gloss)
     return dict(zip(("diffuse", "glossy", "disagreement"), found, strict=True))
