@@ -45,6 +45,7 @@ PARAMETERS = slice(NORMAL.start)  # of the BSDF
 METALLIC, ROUGHNESS, IOR, TRANSMISSION, HEIGHT = map(
     TILE.index, ("metallic", "roughness", "ior", "transmission", "height"))
 
+SHEEN = Channels(1, color=(3, COLOR), roughness=1)
 TWO_LOBES = Channels(1, diffuse=(3, COLOR), specular=(3, COLOR), roughness=1)  # as the published diffspec mapper reads
 
 ENVIRONMENT_SHAPE = (256, 512, 3)
@@ -290,6 +291,8 @@ class RenderScene:
     fibre: np.ndarray | None = array("T", default="none")
     # Share of the light that passes a tile straight; None = what it transmits, if its IOR bends nothing
     clear: np.ndarray | None = array("T", 3, behaves={COLOR: -1}, default="none")
+    # Colour and roughness of a tile's sheen (material/sheen.py), whose mean is in its base colour; None = nothing
+    sheen: np.ndarray | None = array("T", len(SHEEN), channels=SHEEN, default="none")
     # Light group of what a triangle and the environment emit, counted from 1; 0 or None = none
     light_group: np.ndarray | None = array("N", dtype=np.int32, default="none")
     environment_group: np.ndarray | None = array(1, dtype=np.int32, default="none")
@@ -393,6 +396,11 @@ class RenderScene:
         return clear
 
     @property
+    def tile_sheen(self) -> np.ndarray:
+        """(T, 4) f32, as `sheen`."""
+        return np.zeros((len(self.tiles), 4), np.float32) if self.sheen is None else self.sheen
+
+    @property
     def tile_lobes(self) -> np.ndarray:
         """(T, 7, 32, 32) f16, 0 where a tile has none; without any a view that takes no memory."""
         if self.two_lobes is not None:
@@ -420,8 +428,8 @@ class RenderScene:
     def appended(self, *others: RenderScene) -> RenderScene:
         """This scene with the triangles (and the tiles they use) of `others` behind its own."""
         scenes, tiles, count, geometries = [], 0, 0, []
-        optional = ("latents", "two_lobes", "translucent", "fibre", "clear", "hidden", "camera_tile", "back_tile",
-                    "light_group", "glow", *SELDOM)
+        optional = ("latents", "two_lobes", "translucent", "fibre", "clear", "sheen", "hidden", "camera_tile",
+                    "back_tile", "light_group", "glow", *SELDOM)
         absent = [name for name in optional
                   if all(getattr(scene, name) is None for scene in (self, *others))]
         for scene in (self, *others):
@@ -433,7 +441,8 @@ class RenderScene:
                                   **{name: scene.seldom(name) for name in SELDOM if name != "shadow_tile"},
                                   light_group=scene.light_groups, glow=scene.surface_glow,
                                   latents=scene.tile_latents, two_lobes=scene.tile_lobes,
-                                  translucent=scene.tile_translucence, fibre=scene.tile_fibre, clear=scene.tile_clear))
+                                  translucent=scene.tile_translucence, fibre=scene.tile_fibre, clear=scene.tile_clear,
+                                  sheen=scene.tile_sheen))
             surfaces = scene.surfaces
             geometries.append(replace(surfaces, token=surfaces.token + np.int32(count)))
             tiles, count = tiles + len(scene.tiles), count + len(scene)

@@ -19,6 +19,7 @@ from ..surface_kinds import SEEN, Ray
 from . import glass_from_inside
 from .at_pixels import Materials
 from .from_rays import AccumulatedGuides, lobe_colors
+from .seen_sheen import with_sheen
 
 SAMPLES = 16        # of a pixel
 BLACKMAN_HARRIS = 0.35875, 0.48829, 0.14128, 0.01168  # terms of Cycles' default pixel filter
@@ -106,7 +107,7 @@ def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float,
         with part(i / len(positions), (i + 1) / len(positions), FINDING):
             hits = camera.closest(rays.reshape(-1, 3))
             guides.add(rays, hits.triangle, hits.weights)
-    return glass_from_inside.with_reflectance(guides.guides(), scene, view)
+    return glass_from_inside.with_reflectance(with_sheen(guides.guides(), scene, view), scene, view)
 
 
 def sample_points(count: int) -> np.ndarray:

@@ -45,6 +45,11 @@ def hit_translucence(scene: RenderScene, guides: Guides) -> np.ndarray:
     return scene.translucent[scene.seen_tile[guides.hit_triangle.clip(0)]] * (guides.hit_triangle >= 0)
 
 
+def hit_sheen(scene: RenderScene, guides: Guides) -> np.ndarray:
+    """(H, W, 4) likewise, colour and roughness."""
+    return scene.sheen[scene.seen_tile[guides.hit_triangle.clip(0)]] * (guides.hit_triangle >= 0)[..., None]
+
+
 def _hit_texels(scene: RenderScene, guides: Guides, channels: slice) -> np.ndarray:
     """(H, W, C) f32, these channels of the material tiles; arbitrary where nothing is hit."""
     if guides.material is not None:

@@ -23,7 +23,7 @@ from .bounce.pixels import diffuse_bounces, glossy_bounces, light_behind, outgoi
 from .bounce.radiosity import Radiosity
 from .direct.direct_light import DirectLight
 from .direct.footprints import footprints, roughness_within
-from .direct.pixels import direct_light
+from .direct.pixels import add_sheen, direct_light
 from .edges import find_edges
 from .effort import FULL, Effort
 from .hit_surfaces import HitSurfaces, tensors_on
@@ -146,6 +146,7 @@ def _unshadowed_light(light: SceneLight, view: View, guides: Guides) -> SurfaceL
     direct = light.direct
     surfaces = HitSurfaces.of(light.scene, view, guides, 0, direct.device)
     lobes = direct.lobes(*surfaces.lobe_points, None, footprints(surfaces).flatten(0, 1))
+    add_sheen(lobes[0], direct, surfaces, torch.ones_like(lobes[0]))
     dark = torch.zeros_like(surfaces.position)
     none = dark.new_zeros(1)
     return SurfaceLight(

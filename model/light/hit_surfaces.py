@@ -10,12 +10,15 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..camera import view_rays_at
-from ..first_hits.hit_materials import hit_reflectances, hit_roughness, hit_translucence
-from ..scene import Guides, RenderScene, View
+from ..first_hits.hit_materials import hit_reflectances, hit_roughness, hit_sheen, hit_translucence
+from ..material.sheen import albedo as sheen_albedo
+from ..material.sheen import stretch
+from ..scene import SHEEN, Guides, RenderScene, View
 from .fresnel import lobe_albedo
 from .vectors import dot, length
 
 LEANING = 0.2            # cosine up to which Cycles turns normals back
+TINY = 1e-6
 RAISED = 0.1             # pixels that rays start off curved surfaces, below which the mean of a pixel's first hits lies
 
 
@@ -36,6 +39,7 @@ class HitSurfaces:
     diffuse_ratio: Tensor  # (h, W), diffuse over glossy albedo
     straight: Tensor | None = None  # (h, W, 1) bool, where transmission goes straight on, if it does anywhere
     translucent: Tensor | None = None  # (h, W, 1), share of diffuse light that comes from the other side, if any does
+    sheen: Tensor | None = None  # (h, W, 4), RGB share of diffuse light that is of a sheen, and its stretch, if any is
     group: np.ndarray | None = None  # (h, W) u8, of surfaces, where lights tell some apart
 
     @classmethod
@@ -54,6 +58,7 @@ class HitSurfaces:
                    diffuse.mean(-1) / glossy.mean(-1).clamp_min(1e-6),
                    None if guides.straight is None else torch.from_numpy(guides.straight).to(device)[..., None],
                    None if scene.translucent is None else to_tensor(hit_translucence(scene, guides))[..., None],
+                   None if scene.sheen is None else to_tensor(_sheen(scene, guides, -dot(normal, rays).cpu().numpy())),
                    None if scene.group is None or not len(scene) else scene.group[guides.hit_triangle.clip(0)])
 
     @property
@@ -92,6 +97,15 @@ class HitSurfaces:
 def tensors_on(device: torch.device):
     """A function from arrays to f32 tensors on a device."""
     return lambda x: torch.as_tensor(np.ascontiguousarray(x), dtype=torch.float32, device=device)
+
+
+def _sheen(scene: RenderScene, guides: Guides, cosine: np.ndarray) -> np.ndarray:
+    """(h, W, 4) as HitSurfaces.sheen; cosine: (h, W), between normal and viewer."""
+    sheen = hit_sheen(scene, guides)
+    color, roughness = sheen[..., SHEEN["color"]], sheen[..., SHEEN["roughness"]]
+    reflected = color * (guides.alpha * sheen_albedo(cosine, roughness[..., 0]))[..., None]
+    share = reflected / np.maximum(guides.diffuse_color, np.maximum(reflected, TINY))
+    return np.concatenate([share, stretch(roughness)], -1)
 
 
 def _relative_f0(metal: Tensor, metal_f0: Tensor, layer: Tensor, layer_f0: Tensor, cosine: Tensor,

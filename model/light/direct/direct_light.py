@@ -193,6 +193,10 @@ class DirectLight:
         visibility = LobeVisibility.full(position) if visibility is None else visibility
         return in_chunks(CHUNK, self._lobes, position, normal, outgoing, roughness, f0, *visibility, *footprint)
 
+    def sheen(self, position: Tensor, normal: Tensor, stretch: Tensor) -> tuple[Tensor, Tensor]:
+        """As EmitterLight.sheen; stretch: (P,)."""
+        return in_chunks(CHUNK, self.emitters.sheen, position, normal, stretch)
+
     def _lobes(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor, f0: Tensor,
                *rest: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         visible, footprint = LobeVisibility(*rest[:5]), rest[5:]

@@ -29,7 +29,15 @@ from ..vectors import dot, length, unit
 from .emitters import DISTANT, Limits, gather_emitters
 from .environment_light import LIFT
 from .footprints import mirrored_turn2, points_within
-from .form_factors import beam, cosines, polygon_directions, sphere_directions, sphere_form_factor
+from .form_factors import (
+    MOST_SINE2,
+    beam,
+    cosines,
+    polygon_directions,
+    sheen_form_factor,
+    sphere_directions,
+    sphere_form_factor,
+)
 from .glossy_lobe import emitter_share, facet_cosines, facet_width2, is_small, small_emitter_share
 from .outlines import CIRCLE, RING, fans, outline_vectors, rings
 
@@ -290,6 +298,13 @@ class EmitterLight:
         result[:, :found.shape[1]] = found
         return result
 
+    def sheen(self, x: Tensor, n: Tensor, stretch: Tensor) -> tuple[Tensor, Tensor]:
+        """Unshadowed radiance (P, 3) leaving a white diffuse surface and a white sheen of such a stretch (P,)."""
+        direction, sine2, in_beam = self._directions(x)
+        cosine = cosines(direction, n)
+        of_diffuse, of_sheen = sphere_form_factor(cosine, sine2), sheen_form_factor(cosine, sine2, stretch[:, None])
+        return (of_diffuse * in_beam) @ self._to_diffuse, (of_sheen * in_beam) @ self._to_diffuse
+
     def lobes(self, x: Tensor, n: Tensor, *gloss: Tensor) -> tuple[Tensor, Tensor]:
         """Unshadowed radiance (P, 3) leaving a white diffuse and a white glossy lobe; arguments as of `visibility`.
 
@@ -390,7 +405,7 @@ class EmitterLight:
         of_polygons = polygon_directions(self.corners, x[..., :polygons])
         of_spheres = sphere_directions(self.centers, self.radii, x[..., polygons:])
         direction, sine2 = (torch.cat(both, -1) for both in zip(of_polygons, of_spheres, strict=True))
-        return direction, sine2.clamp(0, 0.999), beam(direction, sine2, self.beam_axis, self.beam_cosine)
+        return direction, sine2.clamp(0, MOST_SINE2), beam(direction, sine2, self.beam_axis, self.beam_cosine)
 
 
 def _occluders(scene: RenderScene, limits: Limits, device: torch.device | str) -> tuple[list[TensorRays], Tensor]:

@@ -16,6 +16,7 @@ from torch import Tensor
 from ..vectors import cross, dot, length, unit
 
 BLUR = 1.25  # of beams by emitters, which reaches the middle of the next one of a grid of them
+MOST_SINE2 = 0.999  # of an emitter that fills half of what is seen
 EDGE_BLUR = 2.24  # of a beam's edge by the emitter: width of a smooth step that deviates as much as a disk of radius 1
 
 
@@ -66,6 +67,13 @@ def beam(direction: Tensor, sine2: Tensor, axis: Tensor, cosine: Tensor) -> Tens
     t = (toward - rim + edge + (1 - toward) * (1 - 1 / wider)) / (width + 2 * edge)
     t = t.clamp(0, 1)
     return (t * t * (3 - 2 * t) / wider).where(axis.square().sum(-1) > 0.25, 1.0)
+
+
+def sheen_form_factor(cosine: Tensor, sine2: Tensor, stretch: Tensor) -> Tensor:
+    """The same of directions that `stretch` scales across the normal (material/sheen.py): what a white sheen sees."""
+    length2 = stretch.square() * (1 - cosine.square()) + cosine.square()
+    larger = stretch.square() * length2 ** -1.5  # solid angles
+    return sphere_form_factor(cosine * length2.rsqrt(), (sine2 * larger).clamp_max(MOST_SINE2))
 
 
 def sphere_form_factor(cosine: Tensor, sine2: Tensor) -> Tensor:

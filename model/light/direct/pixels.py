@@ -51,10 +51,26 @@ def _direct_light(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, sk
         visibility = LobeVisibility(*(x.flatten(0, 1) for x in visibility))
         footprint = [footprints(surfaces).flatten(0, 1)] if effort.edges and not is_traced else []
         lobes = direct.lobes(*surfaces.lobe_points, visibility, *footprint)
+        add_sheen(lobes[0], direct, surfaces, visibility.emitters)
         lobes = [lobe.view_as(surfaces.position) * surfaces.is_covered for lobe in lobes]
         if refracted is not None:
             lobes[2] = refracted
         return lobes
+
+
+def add_sheen(diffuse: Tensor, direct: DirectLight, surfaces: HitSurfaces, visibility: Tensor) -> None:
+    """Give the share of the diffuse lobe (h W, 3) that is of a sheen the light that the sheen sends on, in place.
+
+    visibility: (h W, 3), of the emitters. The sky's light is as a matte surface has it.
+    """
+    if surfaces.sheen is None or not len(direct.emitters):
+        return
+    *share, stretch = surfaces.sheen.flatten(0, 1).unbind(-1)
+    share = torch.stack(share, -1)
+    has_sheen = share.any(1).nonzero()[:, 0]
+    x, n = (points.flatten(0, 1)[has_sheen] for points in (surfaces.position, surfaces.normal))
+    of_diffuse, of_sheen = direct.sheen(x, n, stretch[has_sheen])
+    diffuse[has_sheen] += share[has_sheen] * (of_sheen - of_diffuse) * visibility[has_sheen]
 
 
 def shadow_grid(emitters: int) -> int:

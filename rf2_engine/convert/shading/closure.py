@@ -39,12 +39,14 @@ class Closure:
     clear: np.ndarray = None         # (..., 3) share of the light that goes straight through
     translucent: np.ndarray = None   # (..., 1) by luminance, of what sends its light to the other side
     fibre: np.ndarray = None         # (..., 1) by luminance, of what hair scatters
+    sheen: np.ndarray = None         # (..., 3) colour of it, which is within `color` as its mean over all views
+    sheen_roughness: np.ndarray = None  # (..., 1) by luminance of that colour
     holdout: np.ndarray = None       # (..., 1) share that is cut out of the film
 
     def __post_init__(self):
         for f in fields(self):
             if getattr(self, f.name) is None:
-                setattr(self, f.name, BLACK if f.name in ("color", "normal", "emission", "clear") else ZERO)
+                setattr(self, f.name, BLACK if f.name in ("color", "normal", "emission", "clear", "sheen") else ZERO)
 
     def __add__(self, other: Closure) -> Closure:
         return Closure(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
@@ -67,6 +69,8 @@ class SurfaceParameters:
     clear: np.ndarray
     translucent: np.ndarray
     fibre: np.ndarray
+    sheen: np.ndarray
+    sheen_roughness: np.ndarray
     holdout: np.ndarray
 
 
@@ -78,6 +82,12 @@ def lobe(color, metallic=ZERO, roughness=ONE, ior=ONE, transmission=ZERO, normal
     gloss = metallic + transmission + reflectance + TINY
     return Closure(ONE, color, share, share * metallic, share * transmission, gloss, gloss * roughness,
                    np.clip(ior, *IOR_RANGE), normal, BLACK)
+
+
+def with_sheen(closure: Closure, color, roughness) -> Closure:
+    """A closure of weight 1, in whose `color` a sheen of this colour (..., 3) is already."""
+    closure.sheen, closure.sheen_roughness = color, roughness * (color @ LUMINANCE[:, None])
+    return closure
 
 
 def window(color) -> Closure:
@@ -103,4 +113,5 @@ def parameters(closure: Closure) -> SurfaceParameters:
         ior=np.where(is_glass, ior.clip(GLASS_IOR), ior) if is_glass.any() else ior, transmission=transmission,
         normal=mean(closure.normal, closure.weight, UP), emission=np.maximum(closure.emission, 0).astype(np.float32),
         clear=closure.clear, translucent=mean(closure.translucent, closure.lobe, 0.0),
-        fibre=mean(closure.fibre, closure.lobe, 0.0), holdout=closure.holdout)
+        fibre=mean(closure.fibre, closure.lobe, 0.0), sheen=closure.sheen,
+        sheen_roughness=mean(closure.sheen_roughness, closure.sheen @ LUMINANCE[:, None], 0.0), holdout=closure.holdout)

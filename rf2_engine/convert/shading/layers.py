@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..data.arrays import mix_values
+from ....model.material.sheen import mean_albedo
 
-# Albedo of sheen of weight 1 under uniform white light, measured in Cycles on a sphere.
-SHEEN_ROUGHNESS = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
-SHEEN = (0.0, 0.0, 0.006, 0.022, 0.104, 0.230, 0.438)
 WAVELENGTHS = (630.0, 532.0, 465.0)  # nm, where red, green and blue are
 STRONGEST = 0.9  # largest amplitude of reflection
 
@@ -46,6 +43,7 @@ def shared_roughness(below, gloss, above, coat) -> np.ndarray:
     return (gloss * below + coat * above) / np.maximum(gloss + coat, 1e-6)
 
 
-def under_sheen(color, weight, roughness, tint) -> np.ndarray:
-    """Base colour (..., 3) with the light that sheen reflects, and without the light that it absorbs."""
-    return mix_values(color, tint, weight * np.interp(roughness, SHEEN_ROUGHNESS, SHEEN))
+def under_sheen(color, sheen, roughness) -> np.ndarray:
+    """Base colour (..., 3) with the light that sheen of a colour (..., 3) reflects, and without what it absorbs."""
+    reflected = sheen * mean_albedo(roughness)
+    return color * (1 - reflected.max(axis=-1, keepdims=True)) + reflected

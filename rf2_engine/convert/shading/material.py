@@ -45,7 +45,7 @@ CLEAR = 0.95                 # a triangle that lets more light straight through 
 ONE_TRIANGLE = TriangleMesh(np.eye(3, dtype=np.float32)[None], np.full((1, 3, 3), 3 ** -0.5, np.float32), {}, None, {},
                             None, np.zeros(1, np.int32), np.float32([(0, 0, 0), (1, 1, 1)]))
 NO_LATENT = (0.0,) * 9
-OPAQUE = np.zeros(5, np.float32)  # as `passing` below
+OPAQUE = np.zeros(9, np.float32)  # as `passing` below
 EMITTER_TILE = constant_tile(base_color=(1, 1, 1), roughness=1, ior=1)
 
 
@@ -57,7 +57,7 @@ class MaterialTiles:
         self.report, self.baker, self.keeps_lobes = report, baker, keeps_lobes
         self._chunks: list[np.ndarray] = []
         self._latents: list[np.ndarray] = []
-        self._passing: list[np.ndarray] = []  # (T, 5): `translucent`, `fibre`, and `clear`
+        self._passing: list[np.ndarray] = []  # (T, 9): `translucent`, `fibre`, `clear`, and `sheen`
         self._lobes: list[np.ndarray | int] = []  # of a chunk, or how many tiles it has without any
         self._count = 0
         self._constant: dict[tuple, int] = {}
@@ -92,7 +92,12 @@ class MaterialTiles:
     @property
     def clear(self) -> np.ndarray | None:
         """(T, 3) f32 likewise."""
-        return _unless_zero(self._all_passing()[:, 2:])
+        return _unless_zero(self._all_passing()[:, 2:5])
+
+    @property
+    def sheen(self) -> np.ndarray | None:
+        """(T, 4) f32 likewise."""
+        return _unless_zero(self._all_passing()[:, 5:])
 
     def _all_passing(self) -> np.ndarray:
         return np.concatenate([np.zeros((0, len(OPAQUE)), np.float32), *self._passing])
@@ -132,7 +137,9 @@ class MaterialTiles:
                 lobes = two_lobes(material, points)
             emission[part] = self.report.finite(material.name, "its emission", mean_over_triangle(surface.emission))
             tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
-            each = *_, straight = [mean_over_triangle(x) for x in (surface.translucent, surface.fibre, surface.clear)]
+            straight = mean_over_triangle(surface.clear)
+            each = [*map(mean_over_triangle, (surface.translucent, surface.fibre)), straight,
+                    *map(mean_over_triangle, (surface.sheen, surface.sheen_roughness))]
             many = max(len(x) if x.ndim > 1 else 1 for x in each)
             passing = np.concatenate([np.broadcast_to(x, (many, x.shape[-1])) for x in each], axis=1)
             passing = self.report.finite(material.name, "its transparency", passing)
@@ -232,7 +239,7 @@ class MaterialTiles:
 
     def constant_index(self, tile: np.ndarray, latent: tuple[float, ...] | None = None,
                        lobes: np.ndarray | None = None, passing: np.ndarray = OPAQUE) -> int:
-        """The row of a tile (11, 32, 32) f16, one for all that are equal; passing: (5,), as `_passing`."""
+        """The row of a tile (11, 32, 32) f16, one for all that are equal; passing: (9,), as `_passing`."""
         key = tile.tobytes(), latent, lobes if lobes is None else lobes.tobytes(), tuple(map(float, passing))
         if key not in self._constant:
             self._constant[key] = self._count

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ....model.material import fibre
+from ....model.material.sheen import mean_albedo
 from ....model.pictures import LUMINANCE
 from ..data.arrays import mix_values
 from . import layers
-from .closure import BLACK, ONE, WHITE, ZERO, Closure, lobe, window
+from .closure import BLACK, ONE, WHITE, ZERO, Closure, lobe, window, with_sheen
 from .node_call import NodeCall
 from .normal_map import tangent_normal
 
@@ -46,7 +47,7 @@ def _folded(n: NodeCall, first: Closure, second: Closure) -> Closure:
 
 APPROXIMATED = {  # input of Principled BSDF: what becomes of it when it is not 0
     "Coat Weight": "coat becomes a stronger, smoother reflection of the surface",
-    "Sheen Weight": "sheen is added to the base color",
+    "Sheen Weight": "in mirrors and bounced light sheen is added to the base color",
     "Subsurface Weight": "subsurface scattering is shown as diffuse",
     "Anisotropic": "anisotropy is ignored",
     "Thin Film Thickness": "thin film changes the strength of reflections, not their color",
@@ -74,12 +75,13 @@ def principled(n: NodeCall):
         coat = coat * layers.normal_reflectance(n.get("Coat IOR", 1.5))
         gloss = metallic + transmission + 2 * level * layers.normal_reflectance(ior)
         roughness = layers.shared_roughness(roughness, gloss, n.get("Coat Roughness"), coat)
-    if np.any(sheen := np.clip(n.get("Sheen Weight"), 0, 1)):
-        color = layers.under_sheen(color, sheen, n.get("Sheen Roughness"), n.get("Sheen Tint", WHITE))
+    if np.any(sheen := np.clip(n.get("Sheen Weight"), 0, 1) * n.get("Sheen Tint", WHITE)):
+        color = layers.under_sheen(color, sheen, n.get("Sheen Roughness"))
     film = n.get("Thin Film Thickness"), np.maximum(n.get("Thin Film IOR", 1.33), 1)
     ior = mix_values(layers.effective_ior(ior, level, coat, film), ior, transmission)
     wall = np.clip(n.get("Thin Wall"), 0, 1)
     surface = lobe(color, metallic, roughness, ior, transmission * (1 - wall), tangent_normal(n))
+    surface = with_sheen(surface, sheen, n.get("Sheen Roughness"))
     if np.any(wall * transmission > 0):
         n.folded("a thin wall lets light straight through, without blur and reflection")
         thin = wall * transmission * (1 - metallic)
@@ -134,9 +136,9 @@ def principled_hair(n: NodeCall):
 
 
 def sheen(n: NodeCall):
-    """As bright as its mean over all directions."""
-    n.folded(f"{n.node.bl_label} is shown as Diffuse")
-    return lobe(n["Color"] * np.interp(n["Roughness"], layers.SHEEN_ROUGHNESS, layers.SHEEN), normal=tangent_normal(n))
+    n.folded(f"in mirrors and bounced light {n.node.bl_label} is shown as Diffuse")
+    closure = lobe(n["Color"] * mean_albedo(n["Roughness"]), normal=tangent_normal(n))
+    return with_sheen(closure, n["Color"], n["Roughness"])
 
 
 def toon(n: NodeCall):
