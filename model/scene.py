@@ -46,6 +46,7 @@ METALLIC, ROUGHNESS, IOR, TRANSMISSION, HEIGHT = map(
     TILE.index, ("metallic", "roughness", "ior", "transmission", "height"))
 
 SHEEN = Channels(1, color=(3, COLOR), roughness=1)
+COAT = Channels(1, weight=1, f0=1, roughness=1, share=1)  # share: in the roughness of the surface as a whole
 TWO_LOBES = Channels(1, diffuse=(3, COLOR), specular=(3, COLOR), roughness=1)  # as the published diffspec mapper reads
 
 ENVIRONMENT_SHAPE = (256, 512, 3)
@@ -293,6 +294,8 @@ class RenderScene:
     clear: np.ndarray | None = array("T", 3, behaves={COLOR: -1}, default="none")
     # Colour and roughness of a tile's sheen (material/sheen.py), whose mean is in its base colour; None = nothing
     sheen: np.ndarray | None = array("T", len(SHEEN), channels=SHEEN, default="none")
+    # Clear coat of a tile, which its other values contain; None = nothing
+    coat: np.ndarray | None = array("T", len(COAT), channels=COAT, default="none")
     # Light group of what a triangle and the environment emit, counted from 1; 0 or None = none
     light_group: np.ndarray | None = array("N", dtype=np.int32, default="none")
     environment_group: np.ndarray | None = array(1, dtype=np.int32, default="none")
@@ -398,7 +401,12 @@ class RenderScene:
     @property
     def tile_sheen(self) -> np.ndarray:
         """(T, 4) f32, as `sheen`."""
-        return np.zeros((len(self.tiles), 4), np.float32) if self.sheen is None else self.sheen
+        return np.zeros((len(self.tiles), len(SHEEN)), np.float32) if self.sheen is None else self.sheen
+
+    @property
+    def tile_coat(self) -> np.ndarray:
+        """(T, 4) f32, as `coat`."""
+        return np.zeros((len(self.tiles), len(COAT)), np.float32) if self.coat is None else self.coat
 
     @property
     def tile_lobes(self) -> np.ndarray:
@@ -428,8 +436,8 @@ class RenderScene:
     def appended(self, *others: RenderScene) -> RenderScene:
         """This scene with the triangles (and the tiles they use) of `others` behind its own."""
         scenes, tiles, count, geometries = [], 0, 0, []
-        optional = ("latents", "two_lobes", "translucent", "fibre", "clear", "sheen", "hidden", "camera_tile",
-                    "back_tile", "light_group", "glow", *SELDOM)
+        optional = ("latents", "two_lobes", "translucent", "fibre", "clear", "sheen", "coat", "hidden",
+                    "camera_tile", "back_tile", "light_group", "glow", *SELDOM)
         absent = [name for name in optional
                   if all(getattr(scene, name) is None for scene in (self, *others))]
         for scene in (self, *others):
@@ -442,7 +450,7 @@ class RenderScene:
                                   light_group=scene.light_groups, glow=scene.surface_glow,
                                   latents=scene.tile_latents, two_lobes=scene.tile_lobes,
                                   translucent=scene.tile_translucence, fibre=scene.tile_fibre, clear=scene.tile_clear,
-                                  sheen=scene.tile_sheen))
+                                  sheen=scene.tile_sheen, coat=scene.tile_coat))
             surfaces = scene.surfaces
             geometries.append(replace(surfaces, token=surfaces.token + np.int32(count)))
             tiles, count = tiles + len(scene.tiles), count + len(scene)

@@ -40,14 +40,30 @@ def hit_reflectances(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np
     return metal, texel[..., BASE_COLOR].mean(-1), (1 - metal) * (f0 / LEAST_LAYER).clip(max=1), f0
 
 
-def hit_translucence(scene: RenderScene, guides: Guides) -> np.ndarray:
-    """(H, W) of the tiles of the first hits."""
-    return scene.translucent[scene.seen_tile[guides.hit_triangle.clip(0)]] * (guides.hit_triangle >= 0)
+def hit_roughness_below(scene: RenderScene, guides: Guides) -> np.ndarray:
+    """(H, W) f32 roughness of what is below a clear coat; of other surfaces as `hit_roughness`."""
+    roughness = hit_roughness(scene, guides)
+    if scene.coat is None:
+        return roughness
+    _, _, of_coat, share = np.moveaxis(hit_values(scene, guides, scene.coat), -1, 0)
+    return ((roughness - share * of_coat) / (1 - share).clip(1e-3)).clip(0, 1)
 
 
-def hit_sheen(scene: RenderScene, guides: Guides) -> np.ndarray:
-    """(H, W, 4) likewise, colour and roughness."""
-    return scene.sheen[scene.seen_tile[guides.hit_triangle.clip(0)]] * (guides.hit_triangle >= 0)[..., None]
+def least_hit_roughness(scene: RenderScene, guides: Guides) -> np.ndarray:
+    """(H, W) f32 roughness of the smoother one of a coat and what is below it."""
+    roughness = hit_roughness_below(scene, guides)
+    if scene.coat is None:
+        return roughness
+    weight, _, of_coat, _ = np.moveaxis(hit_values(scene, guides, scene.coat), -1, 0)
+    return np.where(weight > 0, np.minimum(roughness, of_coat), roughness)
+
+
+def hit_values(scene: RenderScene, guides: Guides, values: np.ndarray) -> np.ndarray:
+    """(H, W, ...) of `values` (T, ...) of the tiles that pixels show; 0 where nothing is hit."""
+    hit = guides.hit_triangle
+    if not len(scene):
+        return np.zeros((*hit.shape, *values.shape[1:]), np.float32)
+    return values[scene.seen_tile[hit.clip(0)]] * (hit >= 0).reshape(*hit.shape, *[1] * (values.ndim - 1))
 
 
 def _hit_texels(scene: RenderScene, guides: Guides, channels: slice) -> np.ndarray:

@@ -10,14 +10,14 @@ from ..camera import view_rays
 from ..geometry import dot
 from ..material.sheen import albedo, mean_albedo
 from ..scene import SHEEN, Guides, RenderScene, View
-from .hit_materials import hit_sheen
+from .hit_materials import hit_values
 
 
 def with_sheen(guides: Guides, scene: RenderScene, view: View) -> Guides:
     """First hits by rays (world frame), their diffuse colour with the sheen that the view shows."""
     if scene.sheen is None:
         return guides
-    color, roughness = np.split(hit_sheen(scene, guides), [SHEEN["roughness"].start], axis=-1)
+    color, roughness = np.split(hit_values(scene, guides, scene.sheen), [SHEEN["roughness"].start], axis=-1)
     seen = albedo(-dot(guides.normal, view_rays(view)[1]), roughness[..., 0])
     steps = np.linspace(0, 1, 33)
     mean = np.interp(roughness[..., 0], steps, mean_albedo(steps[:, None])[:, 0])

@@ -19,7 +19,7 @@ from ..light_passes import LOBES
 from ..pictures import bands
 from ..progress import part
 from ..scene import Guides, RenderScene, View
-from .bounce.pixels import diffuse_bounces, glossy_bounces, light_behind, outgoing_radiance
+from .bounce.pixels import GlossyPixels, diffuse_bounces, glossy_bounces, light_behind, outgoing_radiance
 from .bounce.radiosity import Radiosity
 from .direct.direct_light import DirectLight
 from .direct.footprints import footprints, roughness_within
@@ -95,10 +95,22 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     outgoing = partial(outgoing_radiance, radiosity, direct if with_direct else None, effort)
     with part(0.02, 0.3):
         bounced, sky, fire = diffuse_bounces(radiosity, probes, effort, with_direct)
+    path_ends = partial(path_end_light, make_probes, outgoing, filters, direct.device)
     with part(0.3, 0.4):
+        mirrored = path_ends("reflected", guides)
+
+    def glossy_light(surfaces: HitSurfaces) -> GlossyPixels:
         mirrors = replace(surfaces, roughness=roughness_within(surfaces))
         gloss = glossy_bounces(radiosity, probes, mirrors, filters, effort, is_traced, with_direct)
+        images, has_end = reflected_light(guides, mirrors, direct, mirrored, gloss.highlights)
+        return gloss.with_images(images, (1 - blur(mirrors.roughness)[..., None]) * has_end)
+
     with part(0.4, 0.5):
+        gloss, coated, of_coat = glossy_light(surfaces), surfaces.coated, None
+        if coated is not None:
+            of_coat = glossy_light(coated)
+            gloss = gloss.mixed(of_coat, surfaces.coat.share)
+    with part(0.5, 0.6):
         passes = surfaces.is_glass
         with_chains = bounced
         if surfaces.translucent is not None:
@@ -108,18 +120,14 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
             with_chains, bounced = (torch.lerp(bounced, through[kind], surfaces.translucent)
                                     for kind in ("all", "bounced" if is_traced else "all"))
         behind = light_behind(outgoing, probes, rise, filters, passes)
-    path_ends = partial(path_end_light, make_probes, outgoing, filters, direct.device)
-    with part(0.5, 0.6):
-        mirrored, has_end = reflected_light(guides, mirrors, direct, path_ends, gloss.highlights)
     with part(0.6, 0.7):
         refracted = refracted_light(guides, surfaces, direct, path_ends, with_direct)
     dark = torch.zeros_like(bounced)
-    sharp = (1 - blur(mirrors.roughness)[..., None]) * has_end
     common = _materials(surfaces) | {"is_traced": dark.new_full((1,), float(is_traced)), "has_rays": dark.new_ones(1)}
 
     def surface_light(bounced: Tensor, glossy: Tensor, kind: str, **other: Tensor) -> SurfaceLight:
         fields = {"bounced": bounced, "behind": behind[kind], "glow": glow, "traced": dark,
-                  "reflected": (torch.lerp(glossy, mirrored[kind], sharp) if mirrored else glossy) * surfaces.is_toward,
+                  "reflected": glossy * surfaces.is_toward,
                   "refracted": refracted.get(kind, dark)} | other
         return SurfaceLight(direct=_stack(lobes), **common, **{k: _channels_first(x) for k, x in fields.items()})
 
@@ -128,6 +136,9 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
         with part(0.7, 1.0):
             lobes = direct_light(direct, probes, surfaces, sky, gloss.sky, refracted.get("direct"), effort,
                                  is_traced)
+            if of_coat is not None:
+                _, glossy, _ = direct_light(direct, probes, coated, sky, of_coat.sky, None, effort, is_traced)
+                lobes[1] = torch.lerp(lobes[1], glossy, surfaces.coat.share)
         if surfaces.translucent is not None:
             lobes[0] = torch.lerp(lobes[0], behind["complete"] - behind["bounced"], surfaces.translucent)
         glow = _glow(direct, surfaces)
@@ -145,13 +156,19 @@ def _unshadowed_light(light: SceneLight, view: View, guides: Guides) -> SurfaceL
     """Direct light in closed form, past everything that is in its way."""
     direct = light.direct
     surfaces = HitSurfaces.of(light.scene, view, guides, 0, direct.device)
-    lobes = direct.lobes(*surfaces.lobe_points, None, footprints(surfaces).flatten(0, 1))
-    add_sheen(lobes[0], direct, surfaces, torch.ones_like(lobes[0]))
     dark = torch.zeros_like(surfaces.position)
+    lobes = [lobe.view_as(dark) * surfaces.is_covered for lobe in _unshadowed_lobes(direct, surfaces)]
+    add_sheen(lobes[0], direct, surfaces, torch.ones_like(dark))
+    if (coated := surfaces.coated) is not None:
+        lobes[1] = torch.lerp(lobes[1], _unshadowed_lobes(direct, coated)[1].view_as(dark), surfaces.coat.share)
     none = dark.new_zeros(1)
     return SurfaceLight(
-        **_materials(surfaces), direct=_stack([lobe.view_as(dark) * surfaces.is_covered for lobe in lobes]),
+        **_materials(surfaces), direct=_stack(lobes),
         **dict.fromkeys(SurfaceLight.OF_RAYS, _channels_first(dark)), is_traced=none, has_rays=none)
+
+
+def _unshadowed_lobes(direct: DirectLight, surfaces: HitSurfaces) -> tuple[Tensor, ...]:
+    return direct.lobes(*surfaces.lobe_points, None, footprints(surfaces).flatten(0, 1))
 
 
 def _materials(surfaces: HitSurfaces) -> dict[str, Tensor]:

@@ -2,7 +2,8 @@
 """The surfaces that pixels show, as tensors: where first hits are, and what their materials reflect."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -10,16 +11,24 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..camera import view_rays_at
-from ..first_hits.hit_materials import hit_reflectances, hit_roughness, hit_sheen, hit_translucence
+from ..first_hits.hit_materials import hit_reflectances, hit_roughness_below, hit_values
 from ..material.sheen import albedo as sheen_albedo
 from ..material.sheen import stretch
-from ..scene import SHEEN, Guides, RenderScene, View
+from ..scene import Guides, RenderScene, View
 from .fresnel import lobe_albedo
 from .vectors import dot, length
 
 LEANING = 0.2            # cosine up to which Cycles turns normals back
 TINY = 1e-6
 RAISED = 0.1             # pixels that rays start off curved surfaces, below which the mean of a pixel's first hits lies
+
+
+class Coat(NamedTuple):
+    """Clear coats, of h x W pixels."""
+
+    share: Tensor      # (h, W, 3) of the albedo of the glossy lobe
+    roughness: Tensor  # (h, W)
+    f0: Tensor         # (h, W)
 
 
 @dataclass
@@ -40,6 +49,7 @@ class HitSurfaces:
     straight: Tensor | None = None  # (h, W, 1) bool, where transmission goes straight on, if it does anywhere
     translucent: Tensor | None = None  # (h, W, 1), share of diffuse light that comes from the other side, if any does
     sheen: Tensor | None = None  # (h, W, 4), RGB share of diffuse light that is of a sheen, and its stretch, if any is
+    coat: Coat | None = None  # if any has one
     group: np.ndarray | None = None  # (h, W) u8, of surfaces, where lights tell some apart
 
     @classmethod
@@ -49,17 +59,30 @@ class HitSurfaces:
         h, w = guides.alpha.shape
         origin, rays = map(to_tensor, view_rays_at(view, np.arange(w) + 0.5, first_row + np.arange(h)[:, None] + 0.5))
         normal = F.normalize(to_tensor(guides.normal), dim=-1)
-        roughness = to_tensor(hit_roughness(scene, guides))
+        roughness = to_tensor(hit_roughness_below(scene, guides))
         diffuse, glossy, transmission = map(
             to_tensor, (guides.diffuse_color, guides.glossy_color, guides.transmission_color))
-        f0 = _relative_f0(*map(to_tensor, hit_reflectances(scene, guides)), -dot(normal, rays), roughness)
-        return cls(origin, rays, to_tensor(guides.position), normal, to_tensor(guides.alpha)[..., None].clamp(0, 1),
+        cosine, coverage = -dot(normal, rays), to_tensor(guides.alpha)[..., None].clamp(0, 1)
+        f0 = _relative_f0(*map(to_tensor, hit_reflectances(scene, guides)), cosine, roughness)
+        beside = {name: to_tensor(hit_values(scene, guides, values)) for name in ("translucent", "sheen", "coat")
+                  if (values := getattr(scene, name)) is not None}
+        return cls(origin, rays, to_tensor(guides.position), normal, coverage,
                    diffuse, glossy, transmission, roughness, f0,
                    diffuse.mean(-1) / glossy.mean(-1).clamp_min(1e-6),
                    None if guides.straight is None else torch.from_numpy(guides.straight).to(device)[..., None],
-                   None if scene.translucent is None else to_tensor(hit_translucence(scene, guides))[..., None],
-                   None if scene.sheen is None else to_tensor(_sheen(scene, guides, -dot(normal, rays).cpu().numpy())),
+                   beside["translucent"][..., None] if "translucent" in beside else None,
+                   _sheen(beside["sheen"], cosine, coverage, diffuse) if "sheen" in beside else None,
+                   _coat(beside["coat"], cosine, coverage, glossy) if "coat" in beside else None,
                    None if scene.group is None or not len(scene) else scene.group[guides.hit_triangle.clip(0)])
+
+    @property
+    def coated(self) -> HitSurfaces | None:
+        """The surfaces with a clear coat alone, the glossy lobe being that of the coat."""
+        if self.coat is None or not self.coat.share.any():
+            return None
+        is_coated = self.coat.share.amax(-1, keepdim=True) > 0
+        return replace(self, roughness=self.coat.roughness, f0=self.coat.f0, coverage=self.coverage * is_coated,
+                       coat=None)
 
     @property
     def lobe_points(self) -> tuple[Tensor, ...]:
@@ -99,13 +122,22 @@ def tensors_on(device: torch.device):
     return lambda x: torch.as_tensor(np.ascontiguousarray(x), dtype=torch.float32, device=device)
 
 
-def _sheen(scene: RenderScene, guides: Guides, cosine: np.ndarray) -> np.ndarray:
-    """(h, W, 4) as HitSurfaces.sheen; cosine: (h, W), between normal and viewer."""
-    sheen = hit_sheen(scene, guides)
-    color, roughness = sheen[..., SHEEN["color"]], sheen[..., SHEEN["roughness"]]
-    reflected = color * (guides.alpha * sheen_albedo(cosine, roughness[..., 0]))[..., None]
-    share = reflected / np.maximum(guides.diffuse_color, np.maximum(reflected, TINY))
-    return np.concatenate([share, stretch(roughness)], -1)
+def _sheen(sheen: Tensor, cosine: Tensor, coverage: Tensor, diffuse: Tensor) -> Tensor:
+    """(h, W, 4) as HitSurfaces.sheen, of one (h, W, 4) as of RenderScene.
+
+    cosine: (h, W), between normal and viewer; diffuse: (h, W, 3), of all of the diffuse lobe.
+    """
+    color, roughness = sheen.split([3, 1], -1)
+    albedo = torch.from_numpy(sheen_albedo(cosine.cpu().numpy(), roughness[..., 0].cpu().numpy())).to(color)
+    reflected = coverage * color * albedo[..., None]
+    return torch.cat([reflected / torch.maximum(diffuse, reflected).clamp_min(TINY), stretch(roughness)], -1)
+
+
+def _coat(coat: Tensor, cosine: Tensor, coverage: Tensor, glossy: Tensor) -> Coat:
+    """coat: (h, W, 4) as of RenderScene; glossy: (h, W, 3), of all of the glossy lobe; others as above."""
+    weight, f0, roughness, _ = coat.unbind(-1)
+    albedo = weight * lobe_albedo(f0.flatten(), cosine.flatten(), roughness.flatten()).view_as(cosine)
+    return Coat((coverage * albedo[..., None] / glossy.clamp_min(TINY)).clamp(0, 1), roughness, f0)
 
 
 def _relative_f0(metal: Tensor, metal_f0: Tensor, layer: Tensor, layer_f0: Tensor, cosine: Tensor,

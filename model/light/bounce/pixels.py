@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import torch
 from torch import Tensor
 
 from ...progress import part
@@ -43,6 +44,17 @@ class GlossyPixels:
     missed: Tensor | None  # (h, W, 3) part of that which traced light has instead of light of the diffuse lobe
     sky: Tensor | None     # (h, W, 3) visibility of the sky in the lobe
     highlights: Tensor     # (h, W, 3) what of all is lamps in polished metal
+
+    def with_images(self, images: dict[str, Tensor], sharp: Tensor) -> GlossyPixels:
+        """With `images` (h, W, 3) of what is mirrored, "complete" or "bounced", as far as lobes are sharp (h, W, 1)."""
+        return replace(self, **{kind: torch.lerp(getattr(self, kind), image, sharp)
+                                for kind, image in images.items() if getattr(self, kind) is not None})
+
+    def mixed(self, other: GlossyPixels, share: Tensor) -> GlossyPixels:
+        """With a share (h, W, 3) of the light of another lobe; the visibility of the sky is still that of this one."""
+        mixed = {kind: torch.lerp(getattr(self, kind), getattr(other, kind), share)
+                 for kind in ("complete", "bounced", "missed") if getattr(self, kind) is not None}
+        return replace(self, **mixed)
 
     def remove_missed(self, bounced: Tensor, diffuse_ratio: Tensor) -> Tensor:
         """`bounced` (h, W, 3) light of a white diffuse lobe without what traced light contains of it.

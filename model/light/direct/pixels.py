@@ -48,29 +48,30 @@ def _direct_light(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, sk
     with part(2 / 3, 1.0):
         sky_behind = torch.full_like(surfaces.coverage, refracted is None)
         visibility = LobeVisibility(sky, emitters, glossy_sky, glossy_emitters, sky_behind)
-        visibility = LobeVisibility(*(x.flatten(0, 1) for x in visibility))
-        footprint = [footprints(surfaces).flatten(0, 1)] if effort.edges and not is_traced else []
-        lobes = direct.lobes(*surfaces.lobe_points, visibility, *footprint)
-        add_sheen(lobes[0], direct, surfaces, visibility.emitters)
-        lobes = [lobe.view_as(surfaces.position) * surfaces.is_covered for lobe in lobes]
+        row = surfaces.is_covered.flatten().nonzero()[:, 0]
+        visibility = LobeVisibility(*(x.flatten(0, 1)[row] for x in visibility))
+        footprint = [footprints(surfaces).flatten(0, 1)[row]] if effort.edges and not is_traced else []
+        shown = direct.lobes(*(x[row] for x in surfaces.lobe_points), visibility, *footprint)
+        lobes = [torch.zeros_like(surfaces.position) for _ in shown]
+        for lobe, radiance in zip(lobes, shown, strict=True):
+            lobe.view(-1, 3)[row] = radiance
+        add_sheen(lobes[0], direct, surfaces, emitters)
         if refracted is not None:
             lobes[2] = refracted
         return lobes
 
 
 def add_sheen(diffuse: Tensor, direct: DirectLight, surfaces: HitSurfaces, visibility: Tensor) -> None:
-    """Give the share of the diffuse lobe (h W, 3) that is of a sheen the light that the sheen sends on, in place.
+    """Give the share of the diffuse lobe (h, W, 3) that is of a sheen the light that the sheen sends on, in place.
 
-    visibility: (h W, 3), of the emitters. The sky's light is as a matte surface has it.
+    visibility: (h, W, 3), of the emitters. The sky's light is as a matte surface has it.
     """
     if surfaces.sheen is None or not len(direct.emitters):
         return
-    *share, stretch = surfaces.sheen.flatten(0, 1).unbind(-1)
-    share = torch.stack(share, -1)
-    has_sheen = share.any(1).nonzero()[:, 0]
-    x, n = (points.flatten(0, 1)[has_sheen] for points in (surfaces.position, surfaces.normal))
-    of_diffuse, of_sheen = direct.sheen(x, n, stretch[has_sheen])
-    diffuse[has_sheen] += share[has_sheen] * (of_sheen - of_diffuse) * visibility[has_sheen]
+    share, stretch = surfaces.sheen.split([3, 1], -1)
+    at = (share.any(-1) & surfaces.is_covered[..., 0]).nonzero().unbind(1)
+    of_diffuse, of_sheen = direct.sheen(surfaces.position[at], surfaces.normal[at], stretch[at][:, 0])
+    diffuse[at] += share[at] * (of_sheen - of_diffuse) * visibility[at]
 
 
 def shadow_grid(emitters: int) -> int:
@@ -86,12 +87,13 @@ def _shadows(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, effort:
     if is_sharp:
         grid = min(max(shadow_grid(len(direct.emitters)), effort.shadow_grid), grid)
     probes, trace = Probes(*probes.picture, grid, grid, probes.separation), partial(_trace_shadows, direct, rays)
+    interpolate = partial(probes.interpolate, trace, where=surfaces.is_covered)
     points = grid * smooth_steps(surfaces), -surfaces.rays, surfaces.roughness, surfaces.f0
     if is_sharp and rays >= DECISIVE:
-        pictures = _smooth_penumbras(probes, probes.interpolate(trace, *points), effort)
+        pictures = _smooth_penumbras(probes, interpolate(*points), effort)
     else:
         filters = Filter(1), Filter(2, _difference)
-        pictures = probes.interpolate(trace, *points, filters=filters[:effort.smoothings])
+        pictures = interpolate(*points, filters=filters[:effort.smoothings])
     return pictures["diffuse"], pictures["glossy"]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from ...camera import view_rays_at
 from ...compute.threads import spread
 from ...first_hits.camera_rays import CameraRays
-from ...first_hits.hit_materials import hit_roughness
+from ...first_hits.hit_materials import least_hit_roughness
 from ...first_hits.sheets import sheet_tiles
 from ...geometry import facing, reflected, refracted
 from ...progress import part
@@ -57,7 +57,7 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
 
     In a large picture paths start at every second, third... pixel along either side.
     """
-    is_hit, roughness = guides.hit_triangle >= 0, hit_roughness(scene, guides)
+    is_hit, roughness = guides.hit_triangle >= 0, least_hit_roughness(scene, guides)
     masks = {lobe: is_hit & lobe.is_followed(getattr(guides, lobe.albedo), roughness) for lobe in (REFLECTED, REFRACTED)
              if min(scene.most_bounces[lobe.bounces], scene.most_bounces["all"])}
     masks = {lobe: mask for lobe, mask in masks.items() if mask.any()}

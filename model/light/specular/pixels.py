@@ -24,14 +24,14 @@ FINE = 0.03, 0.08  # roughness up to which one path finds the highlights in a mi
 PathEndLight = Callable[[str, Guides], tuple[dict[str, Tensor], Tensor]]  # `path_end_light`, of a lobe
 
 
-def reflected_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, path_ends: PathEndLight,
+def reflected_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, ends: tuple[dict[str, Tensor], Tensor],
                     highlights: Tensor) -> tuple[dict[str, Tensor], Tensor]:
     """What mirrors show, (h, W, 3) "bounced" or "complete", and (h, W, 1) bool where they show surfaces.
 
-    highlights: (h, W, 3) radiance of lamps in the metal that is seen around the lobe, by many rays. Empty where no
-    paths were followed.
+    ends: light at the ends of reflected paths, as `path_end_light` gives it. highlights: (h, W, 3) radiance of lamps in
+    the metal that is seen around the lobe, by many rays. Empty where no paths were followed.
     """
-    light, has_end = path_ends("reflected", guides)
+    light, has_end = dict(ends[0]), ends[1]
     if not light:
         return light, has_end
     to_tensor, has_light = tensors_on(has_end.device), "complete" in light and guides.reflected_light is not None

@@ -17,6 +17,7 @@ from .normal_map import UP
 IOR_RANGE = (1.0, 2.5)  # the mappers' training range
 GLASS_IOR = np.float32(1.06)  # least of glass: what lets light straight through, as Cycles' shadow rays pass, has less
 TINY = 1e-4
+CHANNELS = {"color": 3, "normal": 3, "emission": 3, "clear": 3, "sheen": 4, "coat": 4}  # of a Closure; others have 1
 BRIGHTEST = np.float32(100)  # colour of a surface, where a node divides by almost 0
 ONE, ZERO = np.ones(1, np.float32), np.zeros(1, np.float32)
 WHITE, BLACK = np.ones(3, np.float32), np.zeros(3, np.float32)
@@ -39,14 +40,14 @@ class Closure:
     clear: np.ndarray = None         # (..., 3) share of the light that goes straight through
     translucent: np.ndarray = None   # (..., 1) by luminance, of what sends its light to the other side
     fibre: np.ndarray = None         # (..., 1) by luminance, of what hair scatters
-    sheen: np.ndarray = None         # (..., 3) colour of it, which is within `color` as its mean over all views
-    sheen_roughness: np.ndarray = None  # (..., 1) by luminance of that colour
+    sheen: np.ndarray = None         # (..., 4) colour, its mean over views is in `color`; roughness by luminance
+    coat: np.ndarray = None          # (..., 4) weight; by it f0, roughness, and share in the roughness of the surface
     holdout: np.ndarray = None       # (..., 1) share that is cut out of the film
 
     def __post_init__(self):
         for f in fields(self):
             if getattr(self, f.name) is None:
-                setattr(self, f.name, BLACK if f.name in ("color", "normal", "emission", "clear", "sheen") else ZERO)
+                setattr(self, f.name, np.zeros(CHANNELS.get(f.name, 1), np.float32))
 
     def __add__(self, other: Closure) -> Closure:
         return Closure(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
@@ -70,7 +71,7 @@ class SurfaceParameters:
     translucent: np.ndarray
     fibre: np.ndarray
     sheen: np.ndarray
-    sheen_roughness: np.ndarray
+    coat: np.ndarray
     holdout: np.ndarray
 
 
@@ -86,8 +87,14 @@ def lobe(color, metallic=ZERO, roughness=ONE, ior=ONE, transmission=ZERO, normal
 
 def with_sheen(closure: Closure, color, roughness) -> Closure:
     """A closure of weight 1, in whose `color` a sheen of this colour (..., 3) is already."""
-    closure.sheen, closure.sheen_roughness = color, roughness * (color @ LUMINANCE[:, None])
+    closure.sheen = joined(color, roughness * (color @ LUMINANCE[:, None]))
     return closure
+
+
+def joined(*values: np.ndarray) -> np.ndarray:
+    """Values (..., n), constant or not, one after the other along the last axis."""
+    shape = np.broadcast_shapes(*(x.shape[:-1] for x in values))
+    return np.concatenate([np.broadcast_to(x, (*shape, x.shape[-1])) for x in values], axis=-1).astype(np.float32)
 
 
 def window(color) -> Closure:
@@ -106,6 +113,7 @@ def parameters(closure: Closure) -> SurfaceParameters:
         return np.where(weight > 0, total / np.where(weight > 0, weight, 1), default).astype(np.float32)
 
     ior, transmission = mean(closure.ior, closure.weight, 1.0), mean(closure.transmission, closure.lobe, 0.0)
+    (sheen, sheen_roughness), (coat, of_coat) = np.split(closure.sheen, [3], -1), np.split(closure.coat, [1], -1)
     is_glass = (transmission > TRANSPARENT) & (closure.clear.mean(axis=-1, keepdims=True) < TRANSPARENT)
     return SurfaceParameters(
         base_color=np.clip(closure.color, 0, BRIGHTEST).astype(np.float32),
@@ -113,5 +121,6 @@ def parameters(closure: Closure) -> SurfaceParameters:
         ior=np.where(is_glass, ior.clip(GLASS_IOR), ior) if is_glass.any() else ior, transmission=transmission,
         normal=mean(closure.normal, closure.weight, UP), emission=np.maximum(closure.emission, 0).astype(np.float32),
         clear=closure.clear, translucent=mean(closure.translucent, closure.lobe, 0.0),
-        fibre=mean(closure.fibre, closure.lobe, 0.0), sheen=closure.sheen,
-        sheen_roughness=mean(closure.sheen_roughness, closure.sheen @ LUMINANCE[:, None], 0.0), holdout=closure.holdout)
+        fibre=mean(closure.fibre, closure.lobe, 0.0), holdout=closure.holdout,
+        sheen=joined(sheen, mean(sheen_roughness, sheen @ LUMINANCE[:, None], 0.0)),
+        coat=joined(coat, mean(of_coat, coat, 0.0)))

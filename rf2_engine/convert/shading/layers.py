@@ -38,11 +38,6 @@ def effective_ior(ior, level, coat=0.0, film=(0.0, 1.33)) -> np.ndarray:
     return (1 + amplitude) / (1 - amplitude)
 
 
-def shared_roughness(below, gloss, above, coat) -> np.ndarray:
-    """Roughness of a surface (`below`) under a coat (`above`): their mean, weighted by the reflectances of both."""
-    return (gloss * below + coat * above) / np.maximum(gloss + coat, 1e-6)
-
-
 def under_sheen(color, sheen, roughness) -> np.ndarray:
     """Base colour (..., 3) with the light that sheen of a colour (..., 3) reflects, and without what it absorbs."""
     reflected = sheen * mean_albedo(roughness)

@@ -12,11 +12,12 @@ from ..data.blocks import Material
 from ..data.copied import Instance
 from ..data.mesh import TriangleMesh
 from ..data.report import Report
-from .material import CLEAR, MaterialTiles
+from .material import BESIDE, CLEAR, OPAQUE, MaterialTiles
 
 # What cameras or shadow rays alone meet is none to bounced light, and so to the network.
 WINDOW = constant_tile(base_color=(1, 1, 1), roughness=0, ior=1, transmission=1)
-PASSES = np.float32([0, 0, 1, 1, 1])
+PASSES = OPAQUE.copy()
+PASSES[BESIDE["clear"]] = 1
 OTHER_RAYS = {Ray.GLOSSY: CLEAR, Ray.TRANSMISSION: CLEAR, Ray.SCATTER: CLEAR, Ray.SHADOW: TRANSPARENT}  # clear from
 MIRRORED = Ray.GLOSSY, Ray.TRANSMISSION
 
@@ -59,7 +60,7 @@ def find_looks(materials: MaterialTiles, material: Material | None, mesh: Triang
         if ((index < 0) & (tiles[ray] >= 0)).any():
             index = np.where(index < 0, materials.triangle_tiles(material, mesh, instance, ray)[0], index)
     is_met = np.any([tile >= 0 for tile in tiles.values()], axis=0)
-    index = np.where((index < 0) & is_met, materials.constant_index(WINDOW, passing=PASSES), index).astype(np.int32)
+    index = np.where((index < 0) & is_met, materials.constant_index(WINDOW, beside=PASSES), index).astype(np.int32)
     camera_tile = np.where(tiles[Ray.CAMERA] < 0, index, tiles[Ray.CAMERA]).astype(np.int32)
     back_tile = np.where(looks.tile_index < 0, index, looks.back_tile)
     looks = looks._replace(tile_index=index, camera_tile=camera_tile, hidden=hidden, back_tile=back_tile)

@@ -7,13 +7,16 @@ from dataclasses import fields
 import numpy as np
 
 from ....model import progress
+from ....model.fields import Channels
 from ....model.scene import (
     BASE_COLOR,
+    COAT,
     HEIGHT,
     IOR,
     METALLIC,
     NORMAL,
     ROUGHNESS,
+    SHEEN,
     TILE_CHANNELS,
     TILE_SIZE,
     TRANSMISSION,
@@ -26,7 +29,7 @@ from ..data.copied import Instance
 from ..data.mesh import TriangleMesh, areas, face_normals
 from ..data.report import Report
 from . import graph
-from .closure import Closure, SurfaceParameters, lobe, parameters
+from .closure import Closure, SurfaceParameters, joined, lobe, parameters
 from .evaluate import Evaluator
 from .node_call import NodeCall
 from .normal_map import bend_normal
@@ -45,7 +48,8 @@ CLEAR = 0.95                 # a triangle that lets more light straight through 
 ONE_TRIANGLE = TriangleMesh(np.eye(3, dtype=np.float32)[None], np.full((1, 3, 3), 3 ** -0.5, np.float32), {}, None, {},
                             None, np.zeros(1, np.int32), np.float32([(0, 0, 0), (1, 1, 1)]))
 NO_LATENT = (0.0,) * 9
-OPAQUE = np.zeros(9, np.float32)  # as `passing` below
+BESIDE = Channels(1, translucent=1, fibre=1, clear=3, sheen=len(SHEEN), coat=len(COAT))  # of a tile (model/scene.py)
+OPAQUE = np.zeros(len(BESIDE), np.float32)
 EMITTER_TILE = constant_tile(base_color=(1, 1, 1), roughness=1, ior=1)
 
 
@@ -57,7 +61,7 @@ class MaterialTiles:
         self.report, self.baker, self.keeps_lobes = report, baker, keeps_lobes
         self._chunks: list[np.ndarray] = []
         self._latents: list[np.ndarray] = []
-        self._passing: list[np.ndarray] = []  # (T, 9): `translucent`, `fibre`, `clear`, and `sheen`
+        self._beside: list[np.ndarray] = []  # (T, len(BESIDE))
         self._lobes: list[np.ndarray | int] = []  # of a chunk, or how many tiles it has without any
         self._count = 0
         self._constant: dict[tuple, int] = {}
@@ -80,27 +84,11 @@ class MaterialTiles:
         return latents if latents.any() else None
 
     @property
-    def translucent(self) -> np.ndarray | None:
-        """(T,) f32 of these tiles (model/scene.py); None where all are 0."""
-        return _unless_zero(self._all_passing()[:, 0])
-
-    @property
-    def fibre(self) -> np.ndarray | None:
-        """(T,) f32 likewise."""
-        return _unless_zero(self._all_passing()[:, 1])
-
-    @property
-    def clear(self) -> np.ndarray | None:
-        """(T, 3) f32 likewise."""
-        return _unless_zero(self._all_passing()[:, 2:5])
-
-    @property
-    def sheen(self) -> np.ndarray | None:
-        """(T, 4) f32 likewise."""
-        return _unless_zero(self._all_passing()[:, 5:])
-
-    def _all_passing(self) -> np.ndarray:
-        return np.concatenate([np.zeros((0, len(OPAQUE)), np.float32), *self._passing])
+    def beside(self) -> dict[str, np.ndarray | None]:
+        """Fields of a RenderScene by the names of BESIDE, (T,) or (T, C) f32; None where all are 0."""
+        every = np.concatenate([np.zeros((0, len(BESIDE)), np.float32), *self._beside])
+        values = {name: every[:, BESIDE[name]] for name in BESIDE.parts}
+        return {name: (x if x.shape[1] > 1 else x[:, 0]) if x.any() else None for name, x in values.items()}
 
     @property
     def two_lobes(self) -> np.ndarray | None:
@@ -137,12 +125,9 @@ class MaterialTiles:
                 lobes = two_lobes(material, points)
             emission[part] = self.report.finite(material.name, "its emission", mean_over_triangle(surface.emission))
             tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
-            straight = mean_over_triangle(surface.clear)
-            each = [*map(mean_over_triangle, (surface.translucent, surface.fibre)), straight,
-                    *map(mean_over_triangle, (surface.sheen, surface.sheen_roughness))]
-            many = max(len(x) if x.ndim > 1 else 1 for x in each)
-            passing = np.concatenate([np.broadcast_to(x, (many, x.shape[-1])) for x in each], axis=1)
-            passing = self.report.finite(material.name, "its transparency", passing)
+            each = [mean_over_triangle(getattr(surface, name)) for name in BESIDE.parts]
+            beside = np.atleast_2d(self.report.finite(material.name, "its transparency", joined(*each)))
+            straight = beside[:, BESIDE["clear"]]
             own = None if lobes is None else lobe_arrays(lobes, len(tiles))
             if own is not None and len(own) > len(tiles):  # only what the surface is made of in between is the same
                 tiles = np.repeat(tiles, len(own), axis=0)
@@ -151,14 +136,14 @@ class MaterialTiles:
             if not is_homogeneous(surface):
                 self._varying.add(material)
             if len(tiles) == 1 and part.stop - start > 1 and surface.emission.ndim == 1 and surface.clear.ndim == 1:
-                index[:] = self.constant_index(tiles[0], material.latent, own, passing[0])
+                index[:] = self.constant_index(tiles[0], material.latent, own, beside[0])
                 emission[:], nothing[:] = emission[start], nothing[start]
                 break
             if len(tiles) == 1:
-                index[part] = self.constant_index(tiles[0], material.latent, own, passing.mean(axis=0))
+                index[part] = self.constant_index(tiles[0], material.latent, own, beside.mean(axis=0))
             else:
                 index[part] = np.arange(self._count, self._count + len(tiles))
-                self._append(tiles, material.latent, own, passing)
+                self._append(tiles, material.latent, own, beside)
         emission[_is_negligible(emission.max(axis=1), areas(mesh.corners))] = 0
         emitters = emission.max(axis=1) >= EMITTER_RADIANCE
         if emitters.any():
@@ -238,17 +223,17 @@ class MaterialTiles:
         return None
 
     def constant_index(self, tile: np.ndarray, latent: tuple[float, ...] | None = None,
-                       lobes: np.ndarray | None = None, passing: np.ndarray = OPAQUE) -> int:
-        """The row of a tile (11, 32, 32) f16, one for all that are equal; passing: (9,), as `_passing`."""
-        key = tile.tobytes(), latent, lobes if lobes is None else lobes.tobytes(), tuple(map(float, passing))
+                       lobes: np.ndarray | None = None, beside: np.ndarray = OPAQUE) -> int:
+        """The row of a tile (11, 32, 32) f16, one for all that are equal; beside: (len(BESIDE),)."""
+        key = tile.tobytes(), latent, lobes if lobes is None else lobes.tobytes(), tuple(map(float, beside))
         if key not in self._constant:
             self._constant[key] = self._count
-            self._append(tile[None], latent, lobes, passing)
+            self._append(tile[None], latent, lobes, beside)
         return self._constant[key]
 
     def _append(self, tiles: np.ndarray, latent: tuple[float, ...] | None, lobes: np.ndarray | None,
-                passing: np.ndarray) -> None:
-        self._passing.append(np.broadcast_to(np.float32(passing), (len(tiles), len(OPAQUE))))
+                beside: np.ndarray) -> None:
+        self._beside.append(np.broadcast_to(np.float32(beside), (len(tiles), len(OPAQUE))))
         self._lobes.append(len(tiles) if lobes is None else lobes)
         self._chunks.append(tiles)
         self._latents.append(np.tile(np.float32(latent or NO_LATENT), (len(tiles), 1)))
@@ -292,10 +277,6 @@ def _normal_scale(n: NodeCall) -> np.ndarray:
         return scale[:1].astype(np.float32)
     normals = face_normals(n.points.corners)
     return np.linalg.norm(normals @ linear.T, axis=1).astype(np.float32)[:, None, None, None]
-
-
-def _unless_zero(values: np.ndarray) -> np.ndarray | None:
-    return values if values.any() else None
 
 
 def _is_negligible(radiance: np.ndarray, area: np.ndarray) -> np.ndarray:

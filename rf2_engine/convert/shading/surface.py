@@ -7,9 +7,10 @@ import numpy as np
 from ....model.material import fibre
 from ....model.material.sheen import mean_albedo
 from ....model.pictures import LUMINANCE
+from ....model.scene import COAT
 from ..data.arrays import mix_values
 from . import layers
-from .closure import BLACK, ONE, WHITE, ZERO, Closure, lobe, window, with_sheen
+from .closure import BLACK, ONE, TINY, WHITE, ZERO, Closure, joined, lobe, window, with_sheen
 from .node_call import NodeCall
 from .normal_map import tangent_normal
 
@@ -46,7 +47,7 @@ def _folded(n: NodeCall, first: Closure, second: Closure) -> Closure:
 
 
 APPROXIMATED = {  # input of Principled BSDF: what becomes of it when it is not 0
-    "Coat Weight": "coat becomes a stronger, smoother reflection of the surface",
+    "Coat Weight": "in mirrors and bounced light coat is a stronger, smoother reflection of the surface",
     "Sheen Weight": "in mirrors and bounced light sheen is added to the base color",
     "Subsurface Weight": "subsurface scattering is shown as diffuse",
     "Anisotropic": "anisotropy is ignored",
@@ -66,15 +67,19 @@ def principled(n: NodeCall):
         n.folded("specular tint is shown as grey")
         level = level * mix_values(tint @ LUMINANCE[:, None], ONE, metallic)
     color, roughness, coat = n.get("Base Color"), n.get("Roughness"), np.clip(n.get("Coat Weight"), 0, 1)
+    clear_coat = np.zeros(len(COAT), np.float32)
     within = np.maximum(np.maximum(metallic, transmission), np.clip(n.get("Subsurface Weight"), 0, 1))
     color = mix_values(color, np.minimum(color, 1), within)  # the diffuse lobe alone may reflect more than arrives
     if np.any(coat > 0):
         color = color * mix_values(WHITE, n.get("Coat Tint", WHITE), coat)
         if n.source("Coat Normal"):
             n.folded("its coat uses the normal of the surface")
-        coat = coat * layers.normal_reflectance(n.get("Coat IOR", 1.5))
+        weight, f0 = coat, layers.normal_reflectance(n.get("Coat IOR", 1.5))
+        coat = weight * f0
         gloss = metallic + transmission + 2 * level * layers.normal_reflectance(ior)
-        roughness = layers.shared_roughness(roughness, gloss, n.get("Coat Roughness"), coat)
+        share = coat / (gloss + coat).clip(TINY)
+        clear_coat = joined(weight, coat, weight * n.get("Coat Roughness"), weight * share)
+        roughness = mix_values(roughness, n.get("Coat Roughness"), share)
     if np.any(sheen := np.clip(n.get("Sheen Weight"), 0, 1) * n.get("Sheen Tint", WHITE)):
         color = layers.under_sheen(color, sheen, n.get("Sheen Roughness"))
     film = n.get("Thin Film Thickness"), np.maximum(n.get("Thin Film IOR", 1.33), 1)
@@ -82,6 +87,7 @@ def principled(n: NodeCall):
     wall = np.clip(n.get("Thin Wall"), 0, 1)
     surface = lobe(color, metallic, roughness, ior, transmission * (1 - wall), tangent_normal(n))
     surface = with_sheen(surface, sheen, n.get("Sheen Roughness"))
+    surface.coat = clear_coat
     if np.any(wall * transmission > 0):
         n.folded("a thin wall lets light straight through, without blur and reflection")
         thin = wall * transmission * (1 - metallic)

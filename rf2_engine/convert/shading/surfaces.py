@@ -43,8 +43,7 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
                             hit_materials.add(part, instance, materials, is_real)
                     count += np.count_nonzero(is_kept)
     scene = RenderScene(tiles=materials.tiles, latents=materials.latents, two_lobes=materials.two_lobes,
-                        translucent=materials.translucent, fibre=materials.fibre, clear=materials.clear,
-                        sheen=materials.sheen)
+                        **materials.beside)
     sides = rows.pop("shining_side")
     for name, values in rows.items():
         if values:

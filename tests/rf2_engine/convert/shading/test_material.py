@@ -279,7 +279,7 @@ def test_hair_of_one_color_is_the_same_by_its_color_and_its_melanin():
             node.inputs[name].default_value = value
         tiles = MaterialTiles(Report())
         index, _ = tiles.triangle_tiles(copied(made), triangles(1))
-        assert tiles.fibre[index] == 1 and 0 < tiles.translucent[index] < 1
+        assert tiles.beside["fibre"][index] == 1 and 0 < tiles.beside["translucent"][index] < 1
         return tiles.tiles[index[0], :3, 0, 0].astype(np.float32)
 
     blond, dark = tile("MELANIN", Melanin=0.15), tile("MELANIN", Melanin=0.95)
