@@ -16,10 +16,8 @@ from ..scene import Guides, RenderScene, View
 from ..scene_rays import scene_rays
 from ..shading import on_tokens, shading_normals
 from ..surface_kinds import SEEN, Ray
-from . import glass_from_inside
 from .at_pixels import Materials
 from .from_rays import AccumulatedGuides, lobe_colors
-from .seen_sheen import with_sheen
 
 SAMPLES = 16        # of a pixel
 BLACKMAN_HARRIS = 0.35875, 0.48829, 0.14128, 0.01168  # terms of Cycles' default pixel filter
@@ -99,7 +97,7 @@ def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float,
     """First-hit guides of one view of `scene` (world frame) by rays through these positions in each pixel.
 
     For pictures without passes of Cycles, such as a viewport's. Without `materials` they are as the tokens' tiles show
-    them.
+    them. Colours are those at normal incidence: light/seen_colors.py knows those of the view.
     """
     camera, guides = CameraRays(scene, view), AccumulatedGuides(scene, view, materials)
     for i, position in enumerate(positions):
@@ -107,7 +105,7 @@ def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float,
         with part(i / len(positions), (i + 1) / len(positions), FINDING):
             hits = camera.closest(rays.reshape(-1, 3))
             guides.add(rays, hits.triangle, hits.weights)
-    return glass_from_inside.with_reflectance(with_sheen(guides.guides(), scene, view), scene, view)
+    return guides.guides()
 
 
 def sample_points(count: int) -> np.ndarray:

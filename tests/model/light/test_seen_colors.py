@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""First hits by rays have colours as Cycles' passes have them, by the angle of the view."""
+import numpy as np
+import pytest
+
+from renderformer_v2.model.first_hits.camera_rays import cast_guides
+from renderformer_v2.model.light.seen_colors import with_seen_colors
+from renderformer_v2.model.material.sheen import albedo, mean_albedo
+from renderformer_v2.model.scene import IOR, METALLIC, ROUGHNESS
+from tests.model.samples import floor_scene, floor_view
+
+HEIGHT = 0.3  # of the camera above the floor
+
+
+@pytest.fixture
+def wide():
+    """A view of the floor with pixels at all angles up to 77 degrees."""
+    view, _ = floor_view(32, 32)
+    view.camera_to_world[2, 3], view.focal[:] = HEIGHT, 10.0
+    return view
+
+
+def seen(scene, view):
+    """First hits before and after, of pixels that show the floor by the cosine of their view."""
+    plain = cast_guides(scene, view)
+    guides = with_seen_colors(plain, scene, view)
+    hit = (plain.hit_triangle >= 0) & (plain.emission == 0).all(-1)
+    cosine = (HEIGHT / np.linalg.norm(plain.position - view.camera_to_world[:3, 3], axis=-1))[hit]
+    order = np.argsort(cosine)
+    assert np.ptp(cosine) > 0.5
+    return cosine[order], *({name: getattr(x, f"{name}_color")[hit][order] for name in ("diffuse", "glossy")}
+                            for x in (plain, guides))
+
+
+def test_a_layer_reflects_more_towards_grazing_angles_and_what_is_below_it_less(wide):
+    scene = floor_scene()
+    scene.tiles[:, IOR], scene.tiles[:, ROUGHNESS] = 1.3291, 0.1  # as IOR 1.5 at Specular IOR Level 0.5
+    cosine, plain, guides = seen(scene, wide)
+    fresnel = 0.04 + 0.96 * (1 - cosine) ** 5
+    np.testing.assert_allclose(guides["glossy"][:, 0], fresnel, rtol=0.15, atol=0.005)
+    np.testing.assert_allclose(guides["diffuse"], plain["diffuse"] * (1 - fresnel[:, None]), rtol=0.03)
+
+
+def test_a_metal_gets_white_towards_grazing_angles(wide):
+    scene = floor_scene()
+    scene.tiles[:, METALLIC], scene.tiles[:, ROUGHNESS] = 1, 0.1
+    cosine, plain, guides = seen(scene, wide)
+    np.testing.assert_allclose(plain["glossy"], np.tile((0.8, 0.5, 0.2), (len(cosine), 1)), atol=1e-3)
+    expected = plain["glossy"] + (1 - plain["glossy"]) * (1 - cosine[:, None]) ** 5
+    np.testing.assert_allclose(guides["glossy"], expected, atol=0.03)
+
+
+def test_a_coat_is_above_what_it_covers(wide):
+    """Half a coat of f0 0.04 on a metal, whose tile has its roughness in part."""
+    scene = floor_scene()
+    scene.tiles[:, METALLIC], scene.tiles[:, ROUGHNESS] = 1, 0.29
+    scene.coat = np.float32([(0.5, 0.04, 0.1, 0.05)])
+    cosine, plain, guides = seen(scene, wide)
+    of_coat = 0.5 * (0.04 + 0.96 * (1 - cosine[:, None]) ** 5)
+    above = cosine > 0.5
+    np.testing.assert_allclose(guides["glossy"][above], (of_coat + (1 - of_coat) * plain["glossy"])[above], atol=0.03)
+
+
+def test_sheen_is_what_it_is_in_each_pixels_view(wide):
+    scene = floor_scene()
+    scene.tiles[:, IOR] = 1
+    color, roughness = np.float32((0.2, 0.5, 0.8)), np.float32(0.6)
+    _, without, _ = seen(scene, wide)
+    scene.sheen = np.float32([(*color, roughness)])
+    cosine, _, guides = seen(scene, wide)
+    expected = albedo(cosine, roughness) - mean_albedo(roughness[None])
+    np.testing.assert_allclose(guides["diffuse"] - without["diffuse"], np.outer(expected, color), atol=3e-3)
