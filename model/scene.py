@@ -46,6 +46,7 @@ METALLIC, ROUGHNESS, IOR, TRANSMISSION, HEIGHT = map(
     TILE.index, ("metallic", "roughness", "ior", "transmission", "height"))
 
 SHEEN = Channels(1, color=(3, COLOR), roughness=1)
+OF_TILES = "translucent", "fibre", "sheen", "coat", "guessed"  # optional fields of RenderScene, 0 by default
 COAT = Channels(1, weight=1, f0=1, roughness=1, share=1)  # share: in the roughness of the surface as a whole
 TWO_LOBES = Channels(1, diffuse=(3, COLOR), specular=(3, COLOR), roughness=1)  # as the published diffspec mapper reads
 
@@ -296,6 +297,8 @@ class RenderScene:
     sheen: np.ndarray | None = array("T", len(SHEEN), channels=SHEEN, default="none")
     # Clear coat of a tile, which its other values contain; None = nothing
     coat: np.ndarray | None = array("T", len(COAT), channels=COAT, default="none")
+    # Share of a tile's light whose lobe has another shape than estimates know; None = nothing
+    guessed: np.ndarray | None = array("T", default="none")
     # Light group of what a triangle and the environment emit, counted from 1; 0 or None = none
     light_group: np.ndarray | None = array("N", dtype=np.int32, default="none")
     environment_group: np.ndarray | None = array(1, dtype=np.int32, default="none")
@@ -373,20 +376,15 @@ class RenderScene:
         values = getattr(self, name)
         return np.full(len(self), SELDOM[name]) if values is None else values
 
+    def of_tiles(self, name: str) -> np.ndarray:
+        """(T, ...) f32 a field of OF_TILES, 0 where there is none."""
+        values, (_, *shape) = getattr(self, name), layouts(self)[name].shape
+        return np.zeros((len(self.tiles), *shape), np.float32) if values is None else values
+
     @property
     def tile_latents(self) -> np.ndarray:
         """(T, 9) f32, 0 where a tile has none."""
         return np.zeros((len(self.tiles), 9), np.float32) if self.latents is None else self.latents
-
-    @property
-    def tile_translucence(self) -> np.ndarray:
-        """(T,) f32, as `translucent`."""
-        return np.zeros(len(self.tiles), np.float32) if self.translucent is None else self.translucent
-
-    @property
-    def tile_fibre(self) -> np.ndarray:
-        """(T,) f32, as `fibre`."""
-        return np.zeros(len(self.tiles), np.float32) if self.fibre is None else self.fibre
 
     @property
     def tile_clear(self) -> np.ndarray:
@@ -397,16 +395,6 @@ class RenderScene:
         rows = rows[self.tiles[rows, IOR].mean(axis=(1, 2), dtype=np.float32) < STRAIGHT]
         clear[rows] = tile_tints(self.tiles[rows])
         return clear
-
-    @property
-    def tile_sheen(self) -> np.ndarray:
-        """(T, 4) f32, as `sheen`."""
-        return np.zeros((len(self.tiles), len(SHEEN)), np.float32) if self.sheen is None else self.sheen
-
-    @property
-    def tile_coat(self) -> np.ndarray:
-        """(T, 4) f32, as `coat`."""
-        return np.zeros((len(self.tiles), len(COAT)), np.float32) if self.coat is None else self.coat
 
     @property
     def tile_lobes(self) -> np.ndarray:
@@ -436,8 +424,8 @@ class RenderScene:
     def appended(self, *others: RenderScene) -> RenderScene:
         """This scene with the triangles (and the tiles they use) of `others` behind its own."""
         scenes, tiles, count, geometries = [], 0, 0, []
-        optional = ("latents", "two_lobes", "translucent", "fibre", "clear", "sheen", "coat", "hidden",
-                    "camera_tile", "back_tile", "light_group", "glow", *SELDOM)
+        optional = ("latents", "two_lobes", "clear", *OF_TILES, "hidden", "camera_tile", "back_tile", "light_group",
+                    "glow", *SELDOM)
         absent = [name for name in optional
                   if all(getattr(scene, name) is None for scene in (self, *others))]
         for scene in (self, *others):
@@ -449,8 +437,7 @@ class RenderScene:
                                   **{name: scene.seldom(name) for name in SELDOM if name != "shadow_tile"},
                                   light_group=scene.light_groups, glow=scene.surface_glow,
                                   latents=scene.tile_latents, two_lobes=scene.tile_lobes,
-                                  translucent=scene.tile_translucence, fibre=scene.tile_fibre, clear=scene.tile_clear,
-                                  sheen=scene.tile_sheen, coat=scene.tile_coat))
+                                  clear=scene.tile_clear, **{name: scene.of_tiles(name) for name in OF_TILES}))
             surfaces = scene.surfaces
             geometries.append(replace(surfaces, token=surfaces.token + np.int32(count)))
             tiles, count = tiles + len(scene.tiles), count + len(scene)

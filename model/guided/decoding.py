@@ -40,14 +40,13 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     """
     light, raw = view.light, raw.float()
     untraced = 1 - light.is_traced.view(-1, 1, 1, 1)
-    is_known = view.is_known.view(-1, 1, 1, 1)
-    share = (raw[:, OUTPUTS["share"]] + raw[:, OUTPUTS["trust"]]).tanh() * is_known
+    share = (raw[:, OUTPUTS["share"]] + raw[:, OUTPUTS["trust"]]).tanh() * view.is_known
     raw = raw * untraced
     direct, indirect = (raw[:, OUTPUTS[name]].unflatten(1, (3, 3)) for name in ("direct", "indirect"))
     direct = _but_of_glass(direct, light)
     direct = factor(direct) if is_inference() and light.is_by_rays() else with_shadows(direct, raw, view)
     indirect = factor(indirect)
-    missing = _within_reason((added(raw[:, OUTPUTS["missing"]]) * is_known).unflatten(1, (3, 3)), light)
+    missing = _within_reason((added(raw[:, OUTPUTS["missing"]]) * view.is_known).unflatten(1, (3, 3)), light)
     of_all = (raw[:, OUTPUTS["log_factor"]] * (1 - light.has_rays.view(-1, 1, 1, 1))).exp()
     in_media = view.surface[:, SURFACE["alpha"]] * view.has_media.view(-1, 1, 1, 1)
     fields = {"bounced": 0, "reflected": 1, "refracted": 2, "behind": 2}  # by lobe

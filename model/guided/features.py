@@ -10,11 +10,12 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..fields import COLOR, DIRECTION, POINT, RADIANCE, Channels, array, map_arrays
+from ..first_hits.hit_materials import hit_values
 from ..geometry import contracted, reflected
 from ..light.direct.emitter_light import EMITTER, STRONGEST
 from ..light.effort import FULL, Effort
 from ..light.estimate import SceneLight, estimate_light
-from ..light.hit_surfaces import HitSurfaces
+from ..light.hit_surfaces import HitSurfaces, tensors_on
 from ..light.surface_light import SurfaceLight
 from ..network.config import ModelConfig
 from ..network.inputs import ViewInputs, view_inputs
@@ -62,7 +63,8 @@ class GuidedView(ViewInputs):
     light: SurfaceLight
     exposure: Tensor = array("V")                          # factor on network exposure
     has_media: Tensor = array("V")                         # 1 if the scene has media, whose light no lobe explains
-    is_known: Tensor = array("V")  # 1 if estimates know all light: it may bounce, and lamps shine as they say
+    # 1 where estimates know all light: it may bounce, lamps shine as they say, and lobes have their shape
+    is_known: Tensor = array("V", 1, "H", "W")
     emitters: Tensor = array("V", STRONGEST, len(EMITTER), "H", "W", channels=EMITTERS)  # of each pixel, or 0
 
     def features(self, rows: slice = slice(None)) -> Tensor:
@@ -85,7 +87,8 @@ class GuidedView(ViewInputs):
     def rows(self, rows: slice) -> GuidedView:
         """Some rows of the pixels, with the ray bundles of all."""
         return replace(self, surface=self.surface[..., rows, :], seen=self.seen[..., rows, :],
-                       light=self.light.rows(rows), emitters=self.emitters[..., rows, :])
+                       is_known=self.is_known[..., rows, :], light=self.light.rows(rows),
+                       emitters=self.emitters[..., rows, :])
 
 
 def guided_view(light: SceneLight, view: View, guides: Guides, config: ModelConfig,
@@ -106,7 +109,7 @@ def guided_view(light: SceneLight, view: View, guides: Guides, config: ModelConf
                       surface=_surface(surfaces, position, bundles, noise, config.patch_size),
                       seen=seen * exposure, light=exposed, exposure=exposure,
                       has_media=torch.full_like(exposure, light.direct.fog is not None),
-                      is_known=torch.full_like(exposure, _is_known(light.scene)),
+                      is_known=_known(light.scene, guides, device),
                       emitters=_emitters(light, surfaces))
 
 
@@ -120,9 +123,12 @@ def _emitters(light: SceneLight, surfaces: HitSurfaces) -> Tensor:
     return strongest.permute(1, 2, 0).unflatten(-1, (height, width))[None]
 
 
-def _is_known(scene: RenderScene) -> bool:
+def _known(scene: RenderScene, guides: Guides, device: torch.device) -> Tensor:
+    """(1, 1, H, W) as GuidedView.is_known."""
     most = scene.most_bounces
-    return most["diffuse"] > 0 and most["all"] > 0 and not scene.seldom("is_rough_guess").any()
+    is_known = most["diffuse"] > 0 and most["all"] > 0 and not scene.seldom("is_rough_guess").any()
+    guessed = np.zeros_like(guides.alpha) if scene.guessed is None else hit_values(scene, guides, scene.guessed)
+    return tensors_on(device)(is_known * (1 - guessed))[None, None]
 
 
 def samples_of(guides: Guides) -> np.ndarray:

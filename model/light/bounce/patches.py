@@ -135,7 +135,7 @@ def _sums(values: np.ndarray, group: np.ndarray) -> np.ndarray:
 
 def _solid_means(scene: RenderScene) -> tuple[np.ndarray, np.ndarray]:
     """(T, 11) mean parameters of tiles, and (T,) how translucent they are; where light passes straight, of the rest."""
-    means, translucence = scene.tiles.mean(axis=(2, 3), dtype=np.float32), scene.tile_translucence
+    means, translucence = scene.tiles.mean(axis=(2, 3), dtype=np.float32), scene.of_tiles("translucent")
     clear = clear_tiles(scene)
     is_clear = clear.any(axis=1)
     rest = (1 - clear.mean(axis=1)).clip(LEAST_SOLID)

@@ -41,6 +41,7 @@ class Closure:
     translucent: np.ndarray = None   # (..., 1) by luminance, of what sends its light to the other side
     fibre: np.ndarray = None         # (..., 1) by luminance, of what hair scatters
     sheen: np.ndarray = None         # (..., 4) colour, its mean over views is in `color`; roughness by luminance
+    guessed: np.ndarray = None       # (..., 1) by luminance, of lobes that have another shape
     coat: np.ndarray = None          # (..., 4) weight; by it f0, roughness, and share in the roughness of the surface
     holdout: np.ndarray = None       # (..., 1) share that is cut out of the film
 
@@ -72,6 +73,7 @@ class SurfaceParameters:
     fibre: np.ndarray
     sheen: np.ndarray
     coat: np.ndarray
+    guessed: np.ndarray
     holdout: np.ndarray
 
 
@@ -83,6 +85,12 @@ def lobe(color, metallic=ZERO, roughness=ONE, ior=ONE, transmission=ZERO, normal
     gloss = metallic + transmission + reflectance + TINY
     return Closure(ONE, color, share, share * metallic, share * transmission, gloss, gloss * roughness,
                    np.clip(ior, *IOR_RANGE), normal, BLACK)
+
+
+def guess(closure: Closure, share: np.ndarray = ONE) -> Closure:
+    """The closure, a share (..., 1) of which has another shape than its lobe."""
+    closure.guessed = closure.lobe * share
+    return closure
 
 
 def with_sheen(closure: Closure, color, roughness) -> Closure:
@@ -123,4 +131,4 @@ def parameters(closure: Closure) -> SurfaceParameters:
         clear=closure.clear, translucent=mean(closure.translucent, closure.lobe, 0.0),
         fibre=mean(closure.fibre, closure.lobe, 0.0), holdout=closure.holdout,
         sheen=joined(sheen, mean(sheen_roughness, sheen @ LUMINANCE[:, None], 0.0)),
-        coat=joined(coat, mean(of_coat, coat, 0.0)))
+        coat=joined(coat, mean(of_coat, coat, 0.0)), guessed=mean(closure.guessed, closure.lobe, 0.0))

@@ -48,7 +48,8 @@ CLEAR = 0.95                 # a triangle that lets more light straight through 
 ONE_TRIANGLE = TriangleMesh(np.eye(3, dtype=np.float32)[None], np.full((1, 3, 3), 3 ** -0.5, np.float32), {}, None, {},
                             None, np.zeros(1, np.int32), np.float32([(0, 0, 0), (1, 1, 1)]))
 NO_LATENT = (0.0,) * 9
-BESIDE = Channels(1, translucent=1, fibre=1, clear=3, sheen=len(SHEEN), coat=len(COAT))  # of a tile (model/scene.py)
+# Of a tile (model/scene.py)
+BESIDE = Channels(1, translucent=1, fibre=1, clear=3, sheen=len(SHEEN), coat=len(COAT), guessed=1)
 OPAQUE = np.zeros(len(BESIDE), np.float32)
 EMITTER_TILE = constant_tile(base_color=(1, 1, 1), roughness=1, ior=1)
 

@@ -10,7 +10,7 @@ from ....model.pictures import LUMINANCE
 from ....model.scene import COAT
 from ..data.arrays import mix_values
 from . import layers
-from .closure import BLACK, ONE, TINY, WHITE, ZERO, Closure, joined, lobe, window, with_sheen
+from .closure import BLACK, ONE, TINY, WHITE, ZERO, Closure, guess, joined, lobe, window, with_sheen
 from .node_call import NodeCall
 from .normal_map import tangent_normal
 
@@ -88,6 +88,8 @@ def principled(n: NodeCall):
     surface = lobe(color, metallic, roughness, ior, transmission * (1 - wall), tangent_normal(n))
     surface = with_sheen(surface, sheen, n.get("Sheen Roughness"))
     surface.coat = clear_coat
+    matte = np.clip(n.get("Diffuse Roughness"), 0, 1) * (1 - metallic) * (1 - transmission)
+    surface = guess(surface, np.maximum(np.abs(n.get("Anisotropic")).clip(0, 1), matte))
     if np.any(wall * transmission > 0):
         n.folded("a thin wall lets light straight through, without blur and reflection")
         thin = wall * transmission * (1 - metallic)
@@ -102,12 +104,12 @@ def principled(n: NodeCall):
 def diffuse(n: NodeCall):
     if n.kind == "ShaderNodeBsdfDiffuse" and np.any(n["Roughness"] > 0):
         n.folded("diffuse roughness is ignored")
-    return lobe(n["Color"], normal=tangent_normal(n))
+    return guess(lobe(n["Color"], normal=tangent_normal(n)), np.clip(n.get("Roughness"), 0, 1))
 
 
 def scattering(n: NodeCall):
     n.folded(f"{n.node.bl_label} is shown as Diffuse")
-    return diffuse(n)
+    return guess(diffuse(n))
 
 
 def subsurface(n: NodeCall):
@@ -144,14 +146,15 @@ def principled_hair(n: NodeCall):
 def sheen(n: NodeCall):
     n.folded(f"in mirrors and bounced light {n.node.bl_label} is shown as Diffuse")
     closure = lobe(n["Color"] * mean_albedo(n["Roughness"]), normal=tangent_normal(n))
-    return with_sheen(closure, n["Color"], n["Roughness"])
+    closure = with_sheen(closure, n["Color"], n["Roughness"])
+    return guess(closure) if n.node.distribution == "ASHIKHMIN" else closure
 
 
 def toon(n: NodeCall):
     if n.node.component == "DIFFUSE":
         return scattering(n)
     n.folded(f"{n.node.bl_label} is shown as Glossy")
-    return lobe(n["Color"], ONE, n["Size"], normal=tangent_normal(n))
+    return guess(lobe(n["Color"], ONE, n["Size"], normal=tangent_normal(n)))
 
 
 def _report_film(n: NodeCall) -> None:
@@ -170,7 +173,7 @@ def glossy(n: NodeCall):
     if np.any(n.get("Anisotropy") != 0):
         n.folded("anisotropy is ignored")
     _report_film(n)
-    return lobe(color, ONE, n["Roughness"], normal=tangent_normal(n))
+    return guess(lobe(color, ONE, n["Roughness"], normal=tangent_normal(n)), np.abs(n.get("Anisotropy")).clip(0, 1))
 
 
 def glass(n: NodeCall):
@@ -178,7 +181,8 @@ def glass(n: NodeCall):
     if n.kind == "ShaderNodeBsdfRefraction":
         n.folded("refraction without reflection is shown as glass")
     _report_film(n)
-    return lobe(n["Color"] ** 2, ZERO, n["Roughness"], n["IOR"], ONE, tangent_normal(n))
+    surface = lobe(n["Color"] ** 2, ZERO, n["Roughness"], n["IOR"], ONE, tangent_normal(n))
+    return guess(surface) if n.kind == "ShaderNodeBsdfRefraction" else surface
 
 
 def portal(n: NodeCall):

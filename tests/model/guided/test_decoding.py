@@ -84,7 +84,7 @@ def test_lobes_get_light_that_nothing_has_found_by_rays_as_far_as_they_have_some
 @pytest.mark.parametrize("is_traced", [False, True])
 def test_nothing_is_added_where_the_user_lets_no_light_bounce(is_traced):
     view = inputs(is_traced)
-    raw, dark = outputs(view, missing=5.0, share=5.0), replace(view, is_known=torch.zeros(1))
+    raw, dark = outputs(view, missing=5.0, share=5.0), replace(view, is_known=torch.zeros(1, 1, 1, 1))
     assert torch.equal(corrected_light(raw, dark).radiance(), view.light.radiance())
     assert not torch.allclose(corrected_light(raw, view).radiance(), view.light.radiance())
 

@@ -79,7 +79,14 @@ def test_noise_is_that_of_the_samples_and_without_rays_only_direct_light_without
 @pytest.mark.parametrize("bounces, may", [(None, 1), ((1, 0, 0, 1), 1), ((0, 4, 12, 12), 0), ((4, 4, 12, 0), 0)])
 def test_a_view_says_whether_all_light_is_known(bounces, may):
     scene = replace(floor_scene(), bounces=None if bounces is None else np.int32(bounces))
-    assert guided_view(scene_light(scene), *floor_view(), CONFIG).is_known == may
+    assert (guided_view(scene_light(scene), *floor_view(), CONFIG).is_known == may).all()
+
+
+def test_pixels_say_how_much_of_a_lobe_has_another_shape():
+    scene = replace(floor_scene(), guessed=np.float32([0.75]))
+    view, guides = floor_view()
+    is_known = guided_view(scene_light(scene), view, guides, CONFIG).is_known
+    np.testing.assert_array_equal(is_known[0, 0], np.where(guides.hit_triangle >= 0, 0.25, 1))
 
 
 def test_exposure_scales_all_radiance_of_each_view_and_nothing_else():

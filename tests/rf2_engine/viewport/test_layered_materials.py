@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Velvet, car paint and a polished floor look in a viewport as in a render, although Cycles does not say what the camera sees there."""
+"""Velvet, car paint and a polished floor look in a viewport as in a render, where Cycles says what the camera sees."""
 import bpy
 import numpy as np
 import pytest
