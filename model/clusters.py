@@ -65,8 +65,13 @@ def group_key(*columns: np.ndarray) -> np.ndarray:
 
 def groups_of(key: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(S,) groups of equal keys (S,), and (E,) rows of their largest members by size (S,), the first of equal ones."""
-    order = np.lexsort((-size, key))
-    begins = np.insert(np.diff(key[order]) != 0, 0, True) if len(order) else np.zeros(0, bool)
+    if not len(key):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    order = np.argsort(key, kind="stable")
+    begins = np.insert(np.diff(key[order]) != 0, 0, True)
+    sorted_group, size = np.cumsum(begins) - 1, size[order]
+    largest = np.flatnonzero(size == np.maximum.reduceat(size, np.flatnonzero(begins))[sorted_group])
+    first = np.insert(np.diff(sorted_group[largest]) != 0, 0, True)
     group = np.empty(len(key), np.int64)
-    group[order] = np.cumsum(begins) - 1
-    return group, order[begins]
+    group[order] = sorted_group
+    return group, order[largest[first]]

@@ -11,7 +11,7 @@ from ..data import mesh as meshes
 from .nearest import divide, submesh
 
 MANY = 64               # a mesh this many times too fine is first made coarser by cubes of 1 / FINE of the new edges,
-FINE, COARSE = 64, 8    # and one that QSlim leaves STUCK times too fine, of 1 / COARSE
+FINE, COARSE = 12, 8    # and one that QSlim leaves STUCK times too fine, of 1 / COARSE
 STUCK = 1.05
 UNIT = 2.0              # the new edges, for QSlim
 WHOLE = 200_000         # faces at most at one go, and before what is left of blocks is simplified together,
@@ -22,11 +22,11 @@ FAST, DENSE = 30_000, 2.0  # without the package: more faces than these are merg
 def reduce_points(points: np.ndarray, faces: np.ndarray, target: int) -> np.ndarray:
     """(3 m, 3) f64 corners of about `target` triangles that approximate the surface.
 
-    Of fine meshes points closer than a small part of the new edges are merged first, which is quick; so they are, a
-    little coarser, where QSlim gets stuck: it turns no sliver over, and coarsens all around it instead.
+    Where QSlim gets stuck, points closer than a part of the new edges are merged: it turns no sliver over, and coarsens
+    all around it instead.
     """
-    edge = np.sqrt(meshes.areas(points[faces]).sum() / target)
-    for cell, begin, end in (edge / FINE if len(faces) > MANY * target else 0, 0.0, 0.7), (edge / COARSE, 0.7, 1.0):
+    edge = new_edge(points, faces, target)
+    for cell, begin, end in (0, 0.0, 0.7), (edge / COARSE, 0.7, 1.0):
         with progress.part(begin, end):
             progress.report(0.0)
             merged, remaining = _clustered(points, faces, cell) if cell else (points, faces)
@@ -40,6 +40,17 @@ def reduce_points(points: np.ndarray, faces: np.ndarray, target: int) -> np.ndar
         if len(shape) <= STUCK * target:
             break
     return (simplified * (edge / UNIT))[shape].reshape(-1, 3)
+
+
+def new_edge(points: np.ndarray, faces: np.ndarray, target: int) -> float:
+    """About the length of the edges of a surface of `target` triangles."""
+    return float(np.sqrt(meshes.areas(points[faces]).sum() / target))
+
+
+def without_detail(points: np.ndarray, faces: np.ndarray, target: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of a mesh that is many times too fine, quickly: which points are left if those closer than a small part of the
+    new edges are one, the faces of these, and which faces they are."""
+    return _merged(points, faces, new_edge(points, faces, target) / FINE)
 
 
 def _simplify(points: np.ndarray, faces: np.ndarray, **options) -> tuple[np.ndarray, np.ndarray]:
@@ -79,7 +90,14 @@ def _roughly(points: np.ndarray, faces: np.ndarray, target: int) -> tuple[np.nda
 
 
 def _clustered(points: np.ndarray, faces: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points and faces with one point for all in a cube of this side, that nearest to their mean."""
+    """Points and faces with one point for all in a cube of this side."""
+    chosen, faces, _ = _merged(points, faces, cell)
+    return points[chosen], faces
+
+
+def _merged(points: np.ndarray, faces: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Indices of one point for all in a cube of this side, that nearest to their mean; faces of these points, and
+    which of `faces` they are."""
     cells = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
     size = cells.max(axis=0) + 1
     _, inverse, count = np.unique((cells[:, 0] * size[1] + cells[:, 1]) * size[2] + cells[:, 2],
@@ -88,4 +106,5 @@ def _clustered(points: np.ndarray, faces: np.ndarray, cell: float) -> tuple[np.n
     order = np.lexsort((np.square(points - mean[inverse]).sum(axis=1), inverse))
     chosen = order[np.cumsum(count) - count]
     faces = inverse[faces].astype(np.int32)
-    return points[chosen], faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    rows = np.flatnonzero((faces != np.roll(faces, 1, axis=1)).all(axis=1))
+    return chosen, faces[rows], rows

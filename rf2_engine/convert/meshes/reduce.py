@@ -11,7 +11,7 @@ from ....model.geometry import barycentric
 from ..data import mesh as meshes
 from ..data.mesh import TriangleMesh
 from .nearest import NearestTriangles
-from .qslim import reduce_points
+from .qslim import MANY, reduce_points, without_detail
 from .sampling import thin_pieces
 
 COARSEST = 8            # no mesh is simplified further, unless it has fewer triangles to begin with
@@ -31,6 +31,12 @@ def simplify(mesh: TriangleMesh, target: int, lens=None) -> TriangleMesh:
     some = thin_pieces(mesh, *welded, target, lens)
     if some is not mesh:
         mesh, welded = some, weld(some.corners)
+        if len(mesh) <= target:
+            return mesh
+    if len(mesh) > MANY * target:
+        points, faces = welded
+        chosen, faces, rows = without_detail(points if lens is None else lens.enter(points), faces, target)
+        mesh, welded = mesh.take(rows), (points[chosen], faces)
         if len(mesh) <= target:
             return mesh
     with progress.part(0.05, 0.15):
