@@ -15,13 +15,13 @@ from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, SOLID, STRAIGHT_THROUGH, Kind, Ray
 from ..cutouts import Veils
 from ..direct.direct_light import DirectLight
-from ..direct.environment_light import FOG_REACH, LIFT, EnvironmentLight
+from ..direct.environment_light import BLUR, FOG_REACH, LIFT, EnvironmentLight
 from ..sampling import hashed_starts
 from ..tensor_rays import TensorRays
 from ..vectors import dot
 from ..weighted_rows import weighted_rows
 from .bright_patches import BrightPatches
-from .panes import Panes
+from .panes import BehindGlass, Panes
 from .patch_lobes import PatchLobes
 from .patches import Patches
 from .polished import PolishedMetal
@@ -169,11 +169,14 @@ class GatherScene:
             tint = tint * straight
         if self.panes is not None and (self._refracts or ray == Ray.GLOSSY):
             with part(0.7, 1.0):
-                row, light, transmittance = self.panes.sky_through(origin, direction, distance)
+                glass = self.panes.behind(origin, direction, distance)
+            row, light, transmittance = glass[:3]
             sky[row] = False
             if self.panes.have_colors and tint.shape[1] == 1:
                 tint = tint.repeat(1, 3)
             tint[row] *= transmittance if tint.shape[1] == 3 else transmittance[:, :1]
+            row, light = self._mirrored_by(glass, ray, side, tint, row, light)
+            along = along.index_put((glass.mirroring,), glass.onward)
             through.index_add_(0, row // total, light * (row % total < rays)[:, None] / rays)
             skies = (row, light) if total == rays else None
         if mirrored is not None:
@@ -194,6 +197,21 @@ class GatherScene:
             share = share * balanced.flatten()
         return Gathered(direction.view(-1, total, 3)[:, :rays], side.view(-1, total), share.view(-1, total), sky,
                         through, fire, skies, highlights, color, excess)
+
+    def _mirrored_by(self, glass: BehindGlass, ray: Ray, side: Tensor, tint: Tensor, row: Tensor,
+                     light: Tensor) -> tuple[Tensor, Tensor]:
+        """Let rays that see the sky through glass meet the patches that it mirrors, too: in place.
+
+        Returns their numbers and the radiance of the sky, `row` (M,) and `light` (M, 3), with that of mirrored sky.
+        """
+        hits = self.surfaces[ray].nearest(glass.begin, glass.onward)
+        side[glass.mirroring] = self._sides(self._locator.find(hits.triangle, hits.weights), glass.onward)
+        tint[glass.mirroring] = glass.mirrored.expand(-1, tint.shape[1])
+        if self.panes.environment is None:
+            return row, light
+        sky = self.panes.environment.filtered(glass.onward, torch.full_like(glass.onward[:, 0], BLUR))
+        sky = sky * glass.mirrored * hits.distance.isinf()[:, None]
+        return torch.cat([row, glass.mirroring]), torch.cat([light, sky])
 
     def hit_sides(self, triangle: Tensor, weights: Tensor, direction: Tensor) -> Tensor:
         """(N,) sides, as Gathered has them, of the patches that rays (N, 3) hit.

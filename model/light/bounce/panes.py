@@ -2,6 +2,8 @@
 """The sky behind glass, as gather rays see it. Light of emitters, which glass focuses, is in caustics/photons.py."""
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -12,7 +14,7 @@ from ...scene import IOR, ROUGHNESS, RenderScene, tile_tints
 from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, Ray
 from ..cutouts import GAP
-from ..direct.environment_light import BLUR, EnvironmentLight
+from ..direct.environment_light import BLUR, LIFT, EnvironmentLight
 from ..tensor_rays import TensorRays
 from ..vectors import dot
 
@@ -39,7 +41,23 @@ INTO, OUT, THROUGH = np.float32([
      [0.970, 0.927, 0.906, 0.851, 0.784, 0.715, 0.581, 0.463, 0.306],
      [0.970, 0.978, 0.960, 0.895, 0.875, 0.827, 0.627, 0.509, 0.392],
      [0.970, 0.986, 0.967, 0.928, 0.881, 0.787, 0.654, 0.571, 0.488]]])
+# Measured there too: how optical depth grows with 1 minus the cosine, up to the first and by the second number; what
+# of it is left straight on, the less the clearer glass is.
+GRAZING, STRAIGHT = (0.58, 1.77), 0.5
+MIRRORED = 0.26       # of the light that does not pass a pane, what it sends back, measured in a room with a window
 GREY = 0.01           # difference between colours of a tint up to which it is grey
+
+
+class BehindGlass(NamedTuple):
+    """What M of N rays that hit glass see behind it, and K of these, which see the sky, mirrored by it."""
+
+    ray: Tensor            # (M,) of the N
+    sky: Tensor            # (M, 3) radiance of the sky that arrives through the glass
+    transmittance: Tensor  # (M, 3)
+    mirroring: Tensor      # (K,) of the N
+    begin: Tensor          # (K, 3), where they go on mirrored,
+    onward: Tensor         # (K, 3) along these unit vectors
+    mirrored: Tensor       # (K, 1) share of the radiance from there
 
 
 class Panes:
@@ -58,11 +76,8 @@ class Panes:
         self._tint, self._token, self._normal, self._transmittance = (torch.from_numpy(x).to(device) for x in (
             tint, scene.surfaces.token, normal, token_transmittances(scene)))
 
-    def sky_through(self, origin: Tensor, direction: Tensor, distance: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Which of N rays hit glass within their distances (N,), as rows (M,), and what they see behind it.
-
-        Also returns the radiance of the sky (M, 3) that arrives through the glass, and its transmittance (M, 3).
-        """
+    def behind(self, origin: Tensor, direction: Tensor, distance: Tensor) -> BehindGlass:
+        """Of N rays, which hit glass within their distances (N,), infinite for those that hit nothing else."""
         ray = self._near_glass(origin, direction, distance).nonzero()[:, 0]  # waits for a GPU
         origin, direction, distance = (x[ray] for x in (origin, direction, distance))
         row, travelled = None, 0.0
@@ -77,21 +92,27 @@ class Panes:
             if row is None:
                 row, along, to_sky = torch.arange(len(hit), device=hit.device), direction, distance.isinf()
                 ray = ray[hit]
-                transmittance = torch.ones_like(along)
+                transmittance, passed = torch.ones_like(along), torch.ones_like(along[:, :1])
+                facing = -dot(self._normal[pane], direction).sign()[:, None] * self._normal[pane]
+                begin_mirrored = origin + travelled * direction + LIFT * facing
                 is_inside = torch.zeros_like(to_sky)
             else:
                 row = row[hit]
             cosine, token = dot(self._normal[pane], direction), self._token[pane]
             leaves = cosine > 0
             case = torch.where(leaves, torch.where(is_inside[row], THROUGH_BACK, LEAVING), ENTERING)
-            passes = self._transmittance[token, case] ** (1 + (1 - cosine.abs()).square())  # less at grazing angles
+            passes = transmittance_at(cosine.abs(), self._transmittance[token, case])
             transmittance[row] *= passes[:, None] * self._tint[token]
+            passed[row] *= passes[:, None]
             is_inside[row] = ~leaves
         light = torch.zeros_like(along)
         if self.environment is not None:
             sky = self.environment.filtered(along, torch.full_like(along[:, 0], BLUR))
             light = transmittance * sky * to_sky[:, None]
-        return ray, light, transmittance
+        mirroring = to_sky.nonzero()[:, 0]  # waits for a GPU
+        onward = along - 2 * dot(along, facing)[:, None] * facing
+        return BehindGlass(ray, light, transmittance, ray[mirroring], *(
+            x[mirroring] for x in (begin_mirrored, onward, MIRRORED * (1 - passed))))
 
     def _near_glass(self, origin: Tensor, direction: Tensor, distance: Tensor) -> Tensor:
         """(N,) bool: rays that hit the sphere around all glass, as few do where that is a ball in a room."""
@@ -109,6 +130,13 @@ def token_transmittances(scene: RenderScene) -> np.ndarray:
     means = scene.tiles[:, (IOR, ROUGHNESS)].mean(axis=(2, 3), dtype=np.float32)
     into, out, through = (_interpolated(table, *means.T) for table in (INTO, OUT, THROUGH))
     return np.stack([into, out, through / into], axis=1)[scene.tile_index]
+
+
+def transmittance_at(cosine: Tensor, mean: Tensor) -> Tensor:
+    """(M,) share of light that passes glass at cosines (M,) to its normal, by that of light from everywhere (M,)."""
+    depth = -mean.log()
+    slant = ((1 - cosine) / GRAZING[0]).clamp(max=1)
+    return (-depth * torch.lerp(depth / (depth + STRAIGHT), torch.full_like(depth, GRAZING[1]), slant)).exp()
 
 
 def _interpolated(table: np.ndarray, ior: np.ndarray, roughness: np.ndarray) -> np.ndarray:
