@@ -18,8 +18,8 @@ from renderformer_v2.model.pictures import HALF_MAX
 ROOT = Path(__file__).resolve().parents[2]
 # The code between a file of tools.datagen and a prepared sample: if any of it changes, all are prepared again.
 SOURCES = ("model/*.py", "model/guided/e*.py", "model/guided/features.py", "model/guided/guided_inputs.py",
-           "model/light/**/*.py", "model/material/*.py", "model/network/inputs.py", "tools/datagen/sample_files.py",
-           "tools/train/sample_cache.py", "tools/train/samples.py")
+           "model/first_hits/*.py", "model/light/**/*.py", "model/material/*.py", "model/network/inputs.py",
+           "tools/datagen/sample_files.py", "tools/train/sample_cache.py", "tools/train/samples.py")
 PUBLISHED = ("model/*.py", "model/material/*.py", "model/network/inputs.py", "model/published/*.py",
              "tools/datagen/sample_files.py", "tools/train/augment.py", "tools/train/published_samples.py",
              "tools/train/sample_cache.py")

@@ -102,9 +102,11 @@ def principled(n: NodeCall):
 
 
 def diffuse(n: NodeCall):
+    surface = lobe(n["Color"], normal=tangent_normal(n))
     if n.kind == "ShaderNodeBsdfDiffuse" and np.any(n["Roughness"] > 0):
         n.folded("diffuse roughness is ignored")
-    return guess(lobe(n["Color"], normal=tangent_normal(n)), np.clip(n.get("Roughness"), 0, 1))
+        surface = guess(surface, np.clip(n["Roughness"], 0, 1))
+    return surface
 
 
 def scattering(n: NodeCall):
@@ -113,7 +115,8 @@ def scattering(n: NodeCall):
 
 
 def subsurface(n: NodeCall):
-    closure = scattering(n)
+    n.folded(f"{n.node.bl_label} is shown as Diffuse")
+    closure = diffuse(n)
     closure.color = np.minimum(closure.color, 1)
     return closure
 

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.model.scene import HEIGHT, constant_tile
+from bl_ext.user_default.renderformer_v2.model.scene import HEIGHT, ROUGHNESS, constant_tile
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.meshes import read_mesh
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.copied import Instance
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
@@ -286,3 +286,27 @@ def test_hair_of_one_color_is_the_same_by_its_color_and_its_melanin():
     assert (dark < 0.6 * blond).all() and blond[0] > blond[2] + 0.1
     np.testing.assert_allclose(tile("COLOR", Color=(1, 1, 1, 1)), 1, atol=0.01)
     np.testing.assert_allclose(tile("ABSORPTION", **{"Absorption Coefficient": (0, 0, 0)}), 1, atol=0.01)
+
+
+@pytest.mark.parametrize("kind, inputs, expected", [
+    ("ShaderNodeBsdfDiffuse", dict(Roughness=0.5), 0.5), ("ShaderNodeBsdfDiffuse", {}, 0),
+    ("ShaderNodeSubsurfaceScattering", {}, 0), ("ShaderNodeBsdfToon", {}, 1), ("ShaderNodeBsdfRefraction", {}, 1),
+    ("ShaderNodeBsdfPrincipled", {}, 0), ("ShaderNodeBsdfPrincipled", dict(Anisotropic=0.8), 0.8),
+    ("ShaderNodeBsdfPrincipled", dict(Diffuse_Roughness=0.6), 0.6)])
+def test_tiles_say_how_much_of_a_surface_has_a_lobe_of_another_shape(kind, inputs, expected):
+    tiles = MaterialTiles(Report())
+    index, _ = tiles.triangle_tiles(copied(material(kind, **inputs)[0]), triangles(1))
+    guessed = tiles.beside["guessed"]
+    assert (0 if guessed is None else guessed[index[0]]) == pytest.approx(expected)
+
+
+def test_tiles_say_what_coat_and_sheen_are():
+    tiles = MaterialTiles(Report())
+    made = material(Roughness=0.5, Coat_Weight=0.8, Coat_Roughness=0.1, Sheen_Weight=0.5, Sheen_Roughness=0.7,
+                    Sheen_Tint=(1, 0.5, 0, 1))[0]
+    index, _ = tiles.triangle_tiles(copied(made), triangles(1))
+    np.testing.assert_allclose(tiles.beside["sheen"][index[0]], (0.5, 0.25, 0, 0.7), atol=1e-5)
+    share = 0.8 / 1.8  # coat and layer reflect 0.04 each
+    np.testing.assert_allclose(tiles.beside["coat"][index[0]], (0.8, 0.04, 0.1, share), atol=1e-3)
+    roughness = tiles.tiles[index[0], ROUGHNESS, 0, 0]
+    assert (float(roughness) - share * 0.1) / (1 - share) == pytest.approx(0.5, abs=2e-3)
