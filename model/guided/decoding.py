@@ -42,11 +42,11 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     untraced = 1 - light.is_traced.view(-1, 1, 1, 1)
     share = (raw[:, OUTPUTS["share"]] + raw[:, OUTPUTS["trust"]]).tanh() * view.is_known
     raw = raw * untraced
-    direct, indirect = (raw[:, OUTPUTS[name]].unflatten(1, (3, 3)) for name in ("direct", "indirect"))
+    direct, indirect, missing = (_by_lobe(raw[:, OUTPUTS[name]], light) for name in ("direct", "indirect", "missing"))
     direct = _but_of_glass(direct, light)
     direct = factor(direct) if is_inference() and light.is_by_rays() else with_shadows(direct, raw, view)
     indirect = factor(indirect)
-    missing = _within_reason((added(raw[:, OUTPUTS["missing"]]) * view.is_known).unflatten(1, (3, 3)), light)
+    missing = _within_reason(added(missing) * view.is_known[:, None], light)
     of_all = (raw[:, OUTPUTS["log_factor"]] * (1 - light.has_rays.view(-1, 1, 1, 1))).exp()
     in_media = view.surface[:, SURFACE["alpha"]] * view.has_media.view(-1, 1, 1, 1)
     fields = {"bounced": 0, "reflected": 1, "refracted": 2, "behind": 2}  # by lobe
@@ -59,6 +59,13 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
                 for name, x in corrected.items()}
     light = replace(light, **believed)
     return replace(light, traced=torch.lerp(light.traced, light.estimate(), share).clamp_min(0) * (1 - untraced))
+
+
+def _by_lobe(raw: Tensor, light: SurfaceLight) -> Tensor:
+    """(V, 9, H, W) -> (V, 3, 3, H, W) [lobe, rgb], by rays alike for all colours: rays have them right, and what was
+    learnt of them tints white rooms."""
+    raw = raw.unflatten(1, (3, 3))
+    return torch.lerp(raw, raw.mean(2, keepdim=True).expand_as(raw), light.has_rays.view(-1, 1, 1, 1, 1))
 
 
 def factor(raw: Tensor) -> Tensor:

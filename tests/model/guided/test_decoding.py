@@ -46,6 +46,21 @@ def test_zeros_leave_light_exactly_as_it_is(is_traced, has_rays, width, dtype):
     assert torch.equal(corrected.radiance(), view.light.radiance())
 
 
+@pytest.mark.parametrize("has_rays", [True, False])
+def test_by_rays_grey_light_stays_grey(has_rays):
+    view = inputs(has_rays=has_rays)
+    grey = {name: getattr(view.light, name).mean(-3, keepdim=True).expand_as(getattr(view.light, name))
+            for name in ("direct", "bounced", "reflected", "refracted", "behind")}
+    view, raw = replace(view, light=replace(view.light, **grey)), outputs(view)
+    for name in ("direct", "indirect", "missing"):
+        raw[:, OUTPUTS[name]] = torch.randn(9, 1, 1, generator=torch.manual_seed(1))
+    corrected = corrected_light(raw, view)
+    for name in grey:
+        light = getattr(corrected, name)
+        is_grey = torch.allclose(light, light[..., :1, :, :].expand_as(light), rtol=1e-5)
+        assert is_grey == (has_rays or name == "behind" and not light.any()), name
+
+
 @pytest.mark.parametrize("is_traced", [False, True])
 def test_a_black_object_in_a_lit_room_stays_exactly_black_unless_there_are_media(is_traced):
     view = inputs(is_traced)
@@ -162,19 +177,28 @@ def test_the_transformer_makes_all_light_without_rays_brighter_and_no_other():
     assert torch.equal(corrected_light(outputs(by_rays, log_factor=1.0), by_rays).radiance(), by_rays.light.radiance())
 
 
-def test_each_lobe_and_colour_has_a_factor_of_its_own():
+def test_each_lobe_has_a_factor_of_its_own():
     view = inputs()
     for lobe, fields in enumerate((["bounced"], ["reflected"], ["behind", "refracted"])):
-        for color in range(3):
-            raw = outputs(view)
-            raw[:, OUTPUTS["direct"]][:, 3 * lobe + color] = raw[:, OUTPUTS["indirect"]][:, 3 * lobe + color] = 30.0
-            corrected, expected = corrected_light(raw, view), view.light.direct.clone()
-            expected[:, lobe, color] *= LARGEST_FACTOR
-            torch.testing.assert_close(corrected.direct, expected)
-            for field in ("bounced", "reflected", "behind", "refracted"):
-                expected = getattr(view.light, field).clone()
-                expected[:, color] *= LARGEST_FACTOR if field in fields else 1
-                torch.testing.assert_close(getattr(corrected, field), expected)
+        raw = outputs(view)
+        for name in ("direct", "indirect"):
+            raw[:, OUTPUTS[name]][:, 3 * lobe:3 * lobe + 3] = 30.0
+        corrected, expected = corrected_light(raw, view), view.light.direct.clone()
+        expected[:, lobe] *= LARGEST_FACTOR
+        torch.testing.assert_close(corrected.direct, expected)
+        for field in ("bounced", "reflected", "behind", "refracted"):
+            factor_of_field = LARGEST_FACTOR if field in fields else 1
+            torch.testing.assert_close(getattr(corrected, field), getattr(view.light, field) * factor_of_field)
+
+
+def test_without_rays_each_colour_has_a_factor_of_its_own():
+    view = inputs(has_rays=False)
+    for color in range(3):
+        raw = outputs(view)
+        raw[:, OUTPUTS["indirect"]][:, 6 + color] = 30.0
+        expected = view.light.refracted.clone()
+        expected[:, color] *= LARGEST_FACTOR
+        torch.testing.assert_close(corrected_light(raw, view).refracted, expected)
 
 
 def test_no_light_where_nothing_is_hit():
