@@ -2,7 +2,7 @@
 """Find what the camera sees, and where, by a coarse raster of rays that looks through panes close to the camera."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,7 +48,7 @@ def find_visible(collected: CollectedScene, view: View, clip_start: float = 0.0)
     """What the view sees from `clip_start` on (camera.py).
 
     It sees through emitters, unless there is hardly anything else: a sky dome is no more than a background; and
-    through panes that fill most of the picture, far in front of what is behind them.
+    through panes and media that fill most of the picture, far in front of what is behind them.
     """
     visible = {i for i, part in enumerate(collected.parts) if part.is_shown and not part.emits}
     hits = _cast(collected, view, clip_start, visible)
@@ -57,10 +57,14 @@ def find_visible(collected: CollectedScene, view: View, clip_start: float = 0.0)
     owner = np.repeat(np.arange(len(collected.parts)), [len(part.instances) for part in collected.parts])
     eye, behind = view.camera_to_world[:3, 3], hits
     for _ in range(PANES):
-        parts, counts = np.unique(owner[behind.instance[behind.instance >= 0]], return_counts=True)
-        if not len(parts) or counts.max() < len(behind) / 2 or not is_pane(collected.parts[parts[counts.argmax()]]):
+        is_part = behind.instance >= 0
+        parts, counts = np.unique(owner[behind.instance[is_part]], return_counts=True)
+        if np.count_nonzero(~is_part) > len(behind) / 2:
+            collected = replace(collected, media=[])
+        elif len(parts) and counts.max() >= len(behind) / 2 and is_pane(collected.parts[parts[counts.argmax()]]):
+            visible -= {parts[counts.argmax()]}
+        else:
             break
-        visible -= {parts[counts.argmax()]}
         behind = _cast(collected, view, clip_start, visible)
     far = len(behind) >= FEW and np.median(behind.distances(eye)) > BEHIND * np.median(hits.distances(eye))
     return behind if far else hits

@@ -160,6 +160,24 @@ def test_fog_around_the_camera_is_looked_through(box, scene):
     assert_is_around_the_cube(box())
 
 
+def test_fog_close_before_the_camera_is_looked_through(box, scene):
+    """Its box begins a little in front of it and holds what is looked at."""
+    bpy.data.objects["Cube"].scale = (0.3, 0.3, 0.3)
+    bpy.ops.mesh.primitive_cube_add(size=1)
+    around = bpy.context.object
+    around.data.materials.append(fog())
+    around.parent = scene.camera
+    around.scale, around.location = (500, 500, 500), (0, 0, -250.3)
+    assert_is_around_the_cube(box())
+
+
+def test_smoke_before_a_wall_is_looked_at(box, scene):
+    """As long as the wall is not far away."""
+    bpy.data.objects["Cube"].data.materials.append(fog())
+    card(scene, 12.0)
+    assert side(box()) < 20
+
+
 def fog():
     material = bpy.data.materials.new("Fog")
     material.use_nodes = True
