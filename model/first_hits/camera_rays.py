@@ -16,6 +16,7 @@ from ..scene import Guides, RenderScene, View
 from ..scene_rays import scene_rays
 from ..shading import on_tokens, shading_normals
 from ..surface_kinds import SEEN, Ray
+from . import glass_from_inside
 from .at_pixels import Materials
 from .from_rays import AccumulatedGuides, lobe_colors
 
@@ -97,7 +98,7 @@ def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float,
     """First-hit guides of one view of `scene` (world frame) by rays through these positions in each pixel.
 
     For pictures without passes of Cycles, such as a viewport's. Without `materials` they are as the tokens' tiles show
-    them. Colours are those at normal incidence: light/seen_colors.py knows those of the view.
+    them.
     """
     camera, guides = CameraRays(scene, view), AccumulatedGuides(scene, view, materials)
     for i, position in enumerate(positions):
@@ -105,7 +106,7 @@ def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float,
         with part(i / len(positions), (i + 1) / len(positions), FINDING):
             hits = camera.closest(rays.reshape(-1, 3))
             guides.add(rays, hits.triangle, hits.weights)
-    return guides.guides()
+    return glass_from_inside.with_reflectance(guides.guides(), scene, view)
 
 
 def sample_points(count: int) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry import corner_weights, interpolated
+from ..geometry import corner_weights, dot, interpolated
 from ..material.reflectance import normal_reflectance
 from ..scene import (
     BASE_COLOR,
@@ -21,6 +21,7 @@ from ..scene import (
 from ..shading import on_tokens, seen_sky, shading_normals
 from ..surface_kinds import Ray
 from .at_pixels import Materials, appearance
+from .seen_colors import seen_colors
 
 NOTHING_HIT = 1e10  # depth there, as Blender has it
 EVEN = 0.02         # difference from the neighbours up to which all samples of a pixel have the colours of the first
@@ -31,8 +32,7 @@ COLORS = "diffuse_color", "glossy_color", "transmission_color", "emission"
 class AccumulatedGuides:
     """Guides of one view of a scene, accumulated over samples of all its pixels.
 
-    Places are those of the first sample that hits anything, colours are means. Colours leave out how reflection grows
-    towards grazing angles; normals face the viewer.
+    Places are those of the first sample that hits anything, colours are means; normals face the viewer.
     """
 
     def __init__(self, scene: RenderScene, view: View, materials: Materials | None = None):
@@ -107,7 +107,10 @@ class AccumulatedGuides:
                 is_open[self._evaluate(colors, at, rays, triangle[at], weights[at])] = False
         at = np.flatnonzero(is_open)
         token, on_token = self._tokens(at, triangle[at], weights[at])
-        colors[:3, at] = lobe_colors(self._scene, token, on_token)
+        tile, ahead = self._scene.seen_tile[token], rays.reshape(-1, 3)[at]
+        texel = texels_of_tiles(self._scene, tile, on_token)
+        normal = shading_normals(self._scene, triangle[at], corner_weights(weights[at]), ahead)
+        colors[:3, at] = self._seen(texel, normal, ahead, tile) * ~self._scene.is_light[token, None]
         colors[3, at] = self._scene.emission[token] + self._scene.surface_glow[token]
         if self._first is None:
             self._first = colors, material_id
@@ -139,12 +142,18 @@ class AccumulatedGuides:
         normal = self._flat("normal")[at] if is_first else shading_normals(
             self._scene, triangle, share, rays.reshape(-1, 3)[at])
         evaluated = appearance(self._scene, self._materials, self._view, rays, at, triangle, share, normal)
-        at, texel = at[evaluated.is_known], evaluated.texel[evaluated.is_known]
-        colors[:3, at], colors[3, at] = colors_of_texels(texel), evaluated.emission[evaluated.is_known]
+        token = self._scene.surfaces.token[triangle[evaluated.is_known]]
+        at, texel, normal = (x[evaluated.is_known] for x in (at, evaluated.texel, evaluated.normal))
+        colors[:3, at] = self._seen(texel, normal, rays.reshape(-1, 3)[at], self._scene.seen_tile[token])
+        colors[3, at] = evaluated.emission[evaluated.is_known]
         if is_first:
             self._guides.material = material_of_tokens(self._scene, self._guides)
-            self._flat("material")[at], self._flat("normal")[at] = texel, evaluated.normal[evaluated.is_known]
+            self._flat("material")[at], self._flat("normal")[at] = texel, normal
         return at
+
+    def _seen(self, texel: np.ndarray, normal: np.ndarray, rays: np.ndarray, tile: np.ndarray) -> np.ndarray:
+        """(3, P, 3) colours of material texels (P, C) with normals (P, 3), as unit rays (P, 3) see them."""
+        return seen_colors(colors_of_texels(texel), texel, -dot(normal, rays).clip(-1, 0), self._scene, tile)
 
 
 def _is_even(colors: np.ndarray, material_id: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
@@ -167,8 +176,13 @@ def material_of_tokens(scene: RenderScene, guides: Guides) -> np.ndarray:
 
 def lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """(3, P, 3) diffuse, glossy and transmission colour of tokens (P,) at normal incidence; emitters reflect none."""
+    return colors_of_texels(texels_of_tiles(scene, scene.seen_tile[row], weights)) * ~scene.is_light[row, None]
+
+
+def texels_of_tiles(scene: RenderScene, tile: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(P, C) f32 of tiles (P,), at weights (P, 2) on tokens."""
     x, y = texels(weights)
-    return colors_of_texels(scene.tiles[scene.seen_tile[row], :, y, x].astype(np.float32)) * ~scene.is_light[row, None]
+    return scene.tiles[tile, :, y, x].astype(np.float32)
 
 
 def colors_of_texels(texel: np.ndarray) -> np.ndarray:

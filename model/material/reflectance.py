@@ -4,11 +4,15 @@
 """
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from ..geometry import unit
 
 LEAST_LAYER = 5e-3  # f0 from which on a layer reflects everything at grazing angles
+TABLE, FACETS, LEAST_TABLED = (24, 32), 256, 0.05  # roughnesses and cosines, of each so many facets; least roughness
+GOLDEN = (5 ** 0.5 - 1) / 2
 BLURRED = 0.45  # least GGX alpha after a diffuse bounce: what Filter Glossy 1 leads to on average
 
 
@@ -50,6 +54,35 @@ def visible_facets(normal: np.ndarray, ray: np.ndarray, alpha: np.ndarray, rando
     sine, phi = np.sqrt((1 - z**2).clip(0)), 2 * np.pi * random[:, 1]
     facet = unit(stretch * (view + np.stack([sine * np.cos(phi), sine * np.sin(phi), z], axis=1)))
     return np.einsum("nkc,nk->nc", axes, facet).astype(np.float32)
+
+
+def split_sum(cosine: np.ndarray, roughness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) factor of f0 in the share of uniform light that a GGX lobe reflects to a viewer at cosines (N,), and what
+    slanting facets add to it (Karis 2013); roughness: (N,), perceptual."""
+    table = _split_sum_table()
+    row, column = (x.clip(0, 1) * (size - 1) for x, size in zip((roughness, cosine), table.shape[1:], strict=True))
+    top, left = (x.astype(int).clip(max=size - 2) for x, size in zip((row, column), table.shape[1:], strict=True))
+    down, right = row - top, column - left
+    upper, lower = ((1 - right) * table[:, i, left] + right * table[:, i, left + 1] for i in (top, top + 1))
+    straight, slanting = np.float32((1 - down) * upper + down * lower)
+    return straight, slanting
+
+
+@cache
+def _split_sum_table() -> np.ndarray:
+    """(2, roughness, cosine) of these, from 0 to 1."""
+    roughness, cosine = (x.ravel() for x in np.meshgrid(*(np.linspace(0, 1, n) for n in TABLE), indexing="ij"))
+    alpha, cosine = roughness.clip(LEAST_TABLED).repeat(FACETS) ** 2, cosine.clip(0.01).repeat(FACETS)
+    k = np.tile(np.arange(FACETS), len(roughness))
+    viewer = np.stack([np.sqrt(1 - cosine ** 2), np.zeros_like(cosine), cosine], 1)
+    normal = np.tile([0.0, 0.0, 1.0], (len(k), 1))
+    facet = visible_facets(normal, -viewer, alpha, np.stack([(k + 0.5) / FACETS, k * GOLDEN % 1], 1))
+    facing = np.einsum("nc,nc->n", facet, viewer)
+    leaving = 2 * facing * facet[:, 2] - cosine
+    weight = np.where(leaving > 0, unmasked(cosine, leaving, alpha), 0)
+    slant = (1 - facing).clip(0, 1) ** 5
+    means = np.stack([weight * (1 - slant), weight * slant]).reshape(2, -1, FACETS).mean(2)
+    return means.reshape(2, *TABLE)
 
 
 def unmasked(before: np.ndarray, behind: np.ndarray, alpha: np.ndarray) -> np.ndarray:

@@ -126,9 +126,6 @@ def render_picture(prepared: PreparedScene, view: View, settings: ViewportSettin
     materials = prepared.hit_materials if frame.network.has_lobes and not is_quick else None
     with progress.part(0.0, 0.1, "Finding surfaces"):
         guides = cast_guides(prepared.scene, view, SPREAD if is_finest else CENTER, materials)
-        if prepared.encoded is not None:
-            from ...model.light.seen_colors import with_seen_colors  # PyTorch, which takes seconds to import
-            guides = with_seen_colors(guides, prepared.scene, view)
     if frame.follows_specular_paths:
         with progress.part(0.1, 0.2):
             guides = add_path_ends(guides, prepared.scene, view)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model.first_hits.camera_rays import cast_guides
-from renderformer_v2.model.first_hits.glass_from_inside import with_reflectance
 from renderformer_v2.model.scene import IOR, TRANSMISSION, RenderScene
 from tests.model.samples import floor_scene, floor_view
 
@@ -29,8 +28,7 @@ def wide():
 
 
 def test_from_below_water_reflects_all_beyond_the_critical_angle_and_little_before(wide):
-    scene = surface(turned=True)
-    guides = with_reflectance(cast_guides(scene, wide), scene, wide)
+    guides = cast_guides(surface(turned=True), wide)
     hit = guides.hit_triangle >= 0
     cosine = (0.3 / np.linalg.norm(guides.position - wide.camera_to_world[:3, 3], axis=-1))[hit]
     glossy, transmission = guides.glossy_color[hit], guides.transmission_color[hit]
@@ -43,6 +41,5 @@ def test_from_below_water_reflects_all_beyond_the_critical_angle_and_little_befo
 
 
 def test_from_above_it_stays_as_it_was(wide):
-    scene = surface(turned=False)
-    guides = with_reflectance(cast_guides(scene, wide), scene, wide)
+    guides = cast_guides(surface(turned=False), wide)
     assert (guides.glossy_color[guides.hit_triangle >= 0] < 0.1).all()

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model.first_hits.camera_rays import cast_guides
-from renderformer_v2.model.light.seen_colors import with_seen_colors
 from renderformer_v2.model.material.sheen import albedo, mean_albedo
 from renderformer_v2.model.scene import IOR, METALLIC, ROUGHNESS
 from tests.model.samples import floor_scene, floor_view
 
 HEIGHT = 0.3  # of the camera above the floor
+BASE = np.float32((0.8, 0.5, 0.2))
 
 
 @pytest.fixture
@@ -21,33 +21,29 @@ def wide():
 
 
 def seen(scene, view):
-    """First hits before and after, of pixels that show the floor by the cosine of their view."""
-    plain = cast_guides(scene, view)
-    guides = with_seen_colors(plain, scene, view)
-    hit = (plain.hit_triangle >= 0) & (plain.emission == 0).all(-1)
-    cosine = (HEIGHT / np.linalg.norm(plain.position - view.camera_to_world[:3, 3], axis=-1))[hit]
+    """Diffuse and glossy colours of pixels that show the floor, by the cosine of their view."""
+    guides = cast_guides(scene, view)
+    hit = (guides.hit_triangle >= 0) & (guides.emission == 0).all(-1)
+    cosine = (HEIGHT / np.linalg.norm(guides.position - view.camera_to_world[:3, 3], axis=-1))[hit]
     order = np.argsort(cosine)
     assert np.ptp(cosine) > 0.5
-    return cosine[order], *({name: getattr(x, f"{name}_color")[hit][order] for name in ("diffuse", "glossy")}
-                            for x in (plain, guides))
+    return cosine[order], *(getattr(guides, f"{name}_color")[hit][order] for name in ("diffuse", "glossy"))
 
 
 def test_a_layer_reflects_more_towards_grazing_angles_and_what_is_below_it_less(wide):
     scene = floor_scene()
     scene.tiles[:, IOR], scene.tiles[:, ROUGHNESS] = 1.3291, 0.1  # as IOR 1.5 at Specular IOR Level 0.5
-    cosine, plain, guides = seen(scene, wide)
+    cosine, diffuse, glossy = seen(scene, wide)
     fresnel = 0.04 + 0.96 * (1 - cosine) ** 5
-    np.testing.assert_allclose(guides["glossy"][:, 0], fresnel, rtol=0.15, atol=0.005)
-    np.testing.assert_allclose(guides["diffuse"], plain["diffuse"] * (1 - fresnel[:, None]), rtol=0.03)
+    np.testing.assert_allclose(glossy[:, 0], fresnel, rtol=0.15, atol=0.005)
+    np.testing.assert_allclose(diffuse, BASE * (1 - fresnel[:, None]), rtol=0.03)
 
 
 def test_a_metal_gets_white_towards_grazing_angles(wide):
     scene = floor_scene()
     scene.tiles[:, METALLIC], scene.tiles[:, ROUGHNESS] = 1, 0.1
-    cosine, plain, guides = seen(scene, wide)
-    np.testing.assert_allclose(plain["glossy"], np.tile((0.8, 0.5, 0.2), (len(cosine), 1)), atol=1e-3)
-    expected = plain["glossy"] + (1 - plain["glossy"]) * (1 - cosine[:, None]) ** 5
-    np.testing.assert_allclose(guides["glossy"], expected, atol=0.03)
+    cosine, diffuse, glossy = seen(scene, wide)
+    np.testing.assert_allclose(glossy, BASE + (1 - BASE) * (1 - cosine[:, None]) ** 5, atol=0.03)
 
 
 def test_a_coat_is_above_what_it_covers(wide):
@@ -55,10 +51,10 @@ def test_a_coat_is_above_what_it_covers(wide):
     scene = floor_scene()
     scene.tiles[:, METALLIC], scene.tiles[:, ROUGHNESS] = 1, 0.29
     scene.coat = np.float32([(0.5, 0.04, 0.1, 0.05)])
-    cosine, plain, guides = seen(scene, wide)
+    cosine, diffuse, glossy = seen(scene, wide)
     of_coat = 0.5 * (0.04 + 0.96 * (1 - cosine[:, None]) ** 5)
     above = cosine > 0.5
-    np.testing.assert_allclose(guides["glossy"][above], (of_coat + (1 - of_coat) * plain["glossy"])[above], atol=0.03)
+    np.testing.assert_allclose(glossy[above], (of_coat + (1 - of_coat) * BASE)[above], atol=0.03)
 
 
 def test_sheen_is_what_it_is_in_each_pixels_view(wide):
@@ -67,6 +63,6 @@ def test_sheen_is_what_it_is_in_each_pixels_view(wide):
     color, roughness = np.float32((0.2, 0.5, 0.8)), np.float32(0.6)
     _, without, _ = seen(scene, wide)
     scene.sheen = np.float32([(*color, roughness)])
-    cosine, _, guides = seen(scene, wide)
+    cosine, diffuse, _ = seen(scene, wide)
     expected = albedo(cosine, roughness) - mean_albedo(roughness[None])
-    np.testing.assert_allclose(guides["diffuse"] - without["diffuse"], np.outer(expected, color), atol=3e-3)
+    np.testing.assert_allclose(diffuse - without, np.outer(expected, color), atol=3e-3)

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Colours of lobes as rays see them: more gloss, and less of what is below it, towards grazing angles, and sheen at
+silhouettes. Cycles' passes have them, tiles have those at normal incidence."""
+from __future__ import annotations
+
+import numpy as np
+
+from ..material import sheen
+from ..material.reflectance import LEAST_LAYER, layer_reflectance, normal_reflectance, split_sum
+from ..scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
+
+STEPS = np.linspace(0, 1, 33)[:, None]  # of roughness
+
+
+def seen_colors(colors: np.ndarray, texel: np.ndarray, cosine: np.ndarray, scene: RenderScene,
+                tile: np.ndarray) -> np.ndarray:
+    """(3, P, 3) diffuse, glossy and transmission colour, of those at normal incidence.
+
+    texel: (P, C) of materials; cosine: (P,), between normals and the directions to the viewer; tile: (P,), which say
+    what coat and sheen are.
+    """
+    base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC, None], texel[:, TRANSMISSION]
+    f0, roughness = layer_reflectance(texel[:, IOR], transmission), texel[:, ROUGHNESS]
+    above = np.zeros((len(texel), 1), np.float32)
+    if scene.coat is not None:
+        weight, coat_f0, of_coat, share = scene.coat[tile].T
+        straight, slanting = split_sum(cosine, of_coat)
+        above = (weight * (coat_f0 * straight + slanting))[:, None]
+        roughness = ((roughness - share * of_coat) / (1 - share).clip(1e-3)).clip(0, 1)
+        f0 = (1 - (1 - f0) / (1 - weight * coat_f0)).clip(0)  # of the layer below, which the tile's contains both
+    straight, slanting = (x[:, None] for x in split_sum(cosine, roughness))
+    metal = (base * straight + slanting) / (straight + slanting)  # with the light between its facets
+    layer = f0[:, None] * straight + (f0[:, None] / LEAST_LAYER).clip(max=1) * slanting
+    glossy = above + (1 - above) * (metallic * metal + (1 - metallic) * layer)
+    glossy -= metallic * base + (1 - metallic) * normal_reflectance(texel[:, IOR, None])
+    diffuse = colors[0]
+    if scene.sheen is not None:
+        color, of_sheen = np.split(scene.sheen[tile], [3], axis=1)
+        mean = np.interp(of_sheen, STEPS[:, 0], sheen.mean_albedo(STEPS)[:, 0])
+        diffuse = (diffuse + color * (sheen.albedo(cosine[:, None], of_sheen) - mean)).clip(0)
+    below = (1 - above) * (1 - layer)
+    return np.stack([below * diffuse, (colors[1] + glossy).clip(0), below * colors[2]]).astype(np.float32)
