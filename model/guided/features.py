@@ -103,7 +103,10 @@ def guided_view(light: SceneLight, view: View, guides: Guides, config: ModelConf
     exposure = key_exposure(luminance[shows]).expand(1)
     exposed, position = with_exposure(estimate, exposure), contracted(surfaces.position)
     bundles = bundle_positions(position, surfaces, config.patch_size)
-    noise = torch.from_numpy(noise_of(samples_of(guides))).to(device)
+    samples = samples_of(guides)
+    if light.radiosity is None:  # training without rays knew few samples
+        samples = samples.clip(max=NOISY_SAMPLES)
+    noise = torch.from_numpy(noise_of(samples)).to(device)
     rays = view_inputs(view).to(device)
     return GuidedView(origin=rays.origin, directions=rays.directions, positions=bundles.reshape(1, -1, 3),
                       surface=_surface(surfaces, position, bundles, noise, config.patch_size),

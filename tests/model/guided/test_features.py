@@ -10,7 +10,14 @@ from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.guided import encoders
 from renderformer_v2.model.guided.encoders import Guidance
 from renderformer_v2.model.guided.exposure import display_encode
-from renderformer_v2.model.guided.features import FEATURES, LOGARITHMIC, MISS_DISTANCE, guided_view, with_exposure
+from renderformer_v2.model.guided.features import (
+    FEATURES,
+    LOGARITHMIC,
+    MISS_DISTANCE,
+    SURFACE,
+    guided_view,
+    with_exposure,
+)
 from renderformer_v2.model.light.surface_light import SurfaceLight
 from renderformer_v2.model.weights.presets import rf2_small
 from tests.model.samples import flat, floor_scene, floor_view, scene_light
@@ -80,6 +87,15 @@ def test_noise_is_that_of_the_samples_and_without_rays_only_direct_light_without
 def test_a_view_says_whether_all_light_is_known(bounces, may):
     scene = replace(floor_scene(), bounces=None if bounces is None else np.int32(bounces))
     assert (guided_view(scene_light(scene), *floor_view(), CONFIG).is_known == may).all()
+
+
+@pytest.mark.parametrize("has_rays, expected", [(True, 0.25), (False, 1)])
+def test_without_rays_first_hits_are_at_least_as_noisy_as_in_training(has_rays, expected):
+    view, guides = floor_view()
+    guides.samples = np.full_like(guides.alpha, 128)
+    light = scene_light(floor_scene())
+    given = guided_view(light if has_rays else replace(light, radiosity=None), view, guides, CONFIG)
+    assert (given.surface[:, SURFACE["noise"]] == expected).all()
 
 
 def test_pixels_say_how_much_of_a_lobe_has_another_shape():
