@@ -107,10 +107,9 @@ class AccumulatedGuides:
                 is_open[self._evaluate(colors, at, rays, triangle[at], weights[at])] = False
         at = np.flatnonzero(is_open)
         token, on_token = self._tokens(at, triangle[at], weights[at])
-        tile, ahead = self._scene.seen_tile[token], rays.reshape(-1, 3)[at]
-        texel = texels_of_tiles(self._scene, tile, on_token)
-        normal = shading_normals(self._scene, triangle[at], corner_weights(weights[at]), ahead)
-        colors[:3, at] = self._seen(texel, normal, ahead, tile) * ~self._scene.is_light[token, None]
+        tile, normal = self._scene.seen_tile[token], self._normals(at, rays, triangle[at], weights[at])
+        seen = self._seen(texels_of_tiles(self._scene, tile, on_token), normal, rays.reshape(-1, 3)[at], tile)
+        colors[:3, at] = seen * ~self._scene.is_light[token, None]
         colors[3, at] = self._scene.emission[token] + self._scene.surface_glow[token]
         if self._first is None:
             self._first = colors, material_id
@@ -132,21 +131,26 @@ class AccumulatedGuides:
             return self._flat("hit_triangle")[at], self._flat("hit_barycentric")[at]
         return on_tokens(self._scene, triangle, weights)
 
+    def _normals(self, at: np.ndarray, rays: np.ndarray, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """(P, 3) shading normals of pixels by number (P,)."""
+        if self._first is None:
+            return self._flat("normal")[at]
+        return shading_normals(self._scene, triangle, corner_weights(weights), rays.reshape(-1, 3)[at])
+
     def _evaluate(self, colors: np.ndarray, at: np.ndarray, rays: np.ndarray, triangle: np.ndarray,
                   weights: np.ndarray) -> np.ndarray:
         """Write the colours of pixels by number (P,), of the first sample normals and materials, too.
 
         Returns the pixels at which materials could be evaluated.
         """
-        share, is_first = corner_weights(weights), self._first is None
-        normal = self._flat("normal")[at] if is_first else shading_normals(
-            self._scene, triangle, share, rays.reshape(-1, 3)[at])
-        evaluated = appearance(self._scene, self._materials, self._view, rays, at, triangle, share, normal)
+        normal = self._normals(at, rays, triangle, weights)
+        evaluated = appearance(self._scene, self._materials, self._view, rays, at, triangle, corner_weights(weights),
+                               normal)
         token = self._scene.surfaces.token[triangle[evaluated.is_known]]
         at, texel, normal = (x[evaluated.is_known] for x in (at, evaluated.texel, evaluated.normal))
         colors[:3, at] = self._seen(texel, normal, rays.reshape(-1, 3)[at], self._scene.seen_tile[token])
         colors[3, at] = evaluated.emission[evaluated.is_known]
-        if is_first:
+        if self._first is None:
             self._guides.material = material_of_tokens(self._scene, self._guides)
             self._flat("material")[at], self._flat("normal")[at] = texel, normal
         return at

@@ -24,7 +24,7 @@ UNKNOWN_F0 = 0.04        # likewise, of a layer
 
 def hit_roughness(scene: RenderScene, guides: Guides) -> np.ndarray:
     """(H, W) f32 roughness of the texel that each pixel's first hit lies on."""
-    roughness = hit_texels(scene, guides, slice(ROUGHNESS, ROUGHNESS + 1))[..., 0]
+    roughness = _hit_texels(scene, guides, slice(ROUGHNESS, ROUGHNESS + 1))[..., 0]
     return np.where(guides.hit_triangle >= 0, roughness, np.float32(UNKNOWN_ROUGHNESS))
 
 
@@ -33,7 +33,7 @@ def hit_reflectances(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np
 
     A layer that reflects next to nothing at normal incidence has a share of 0.
     """
-    texel = hit_texels(scene, guides, PARAMETERS)
+    texel = _hit_texels(scene, guides, PARAMETERS)
     is_known, metallic, transmission = guides.hit_triangle >= 0, texel[..., METALLIC], texel[..., TRANSMISSION]
     f0 = np.where(is_known, layer_reflectance(texel[..., IOR], transmission), UNKNOWN_F0)
     metal = is_known * metallic
@@ -45,7 +45,12 @@ def hit_roughness_below(scene: RenderScene, guides: Guides) -> np.ndarray:
     roughness = hit_roughness(scene, guides)
     if scene.coat is None:
         return roughness
-    _, _, of_coat, share = np.moveaxis(hit_values(scene, guides, scene.coat), -1, 0)
+    return roughness_below(roughness, hit_values(scene, guides, scene.coat))
+
+
+def roughness_below(roughness: np.ndarray, coat: np.ndarray) -> np.ndarray:
+    """(...) of what is below coats (..., 4), as of RenderScene, by the roughness (...) of both together."""
+    _, _, of_coat, share = np.moveaxis(coat, -1, 0)
     return ((roughness - share * of_coat) / (1 - share).clip(1e-3)).clip(0, 1)
 
 
@@ -66,7 +71,7 @@ def hit_values(scene: RenderScene, guides: Guides, values: np.ndarray) -> np.nda
     return values[scene.seen_tile[hit.clip(0)]] * (hit >= 0).reshape(*hit.shape, *[1] * (values.ndim - 1))
 
 
-def hit_texels(scene: RenderScene, guides: Guides, channels: slice) -> np.ndarray:
+def _hit_texels(scene: RenderScene, guides: Guides, channels: slice) -> np.ndarray:
     """(H, W, C) f32, these channels of the material tiles; arbitrary where nothing is hit."""
     if guides.material is not None:
         return guides.material[..., channels].astype(np.float32)

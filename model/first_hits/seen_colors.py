@@ -8,6 +8,7 @@ import numpy as np
 from ..material import sheen
 from ..material.reflectance import LEAST_LAYER, layer_reflectance, normal_reflectance, split_sum
 from ..scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
+from .hit_materials import roughness_below
 
 STEPS = np.linspace(0, 1, 33)[:, None]  # of roughness
 
@@ -23,10 +24,10 @@ def seen_colors(colors: np.ndarray, texel: np.ndarray, cosine: np.ndarray, scene
     f0, roughness = layer_reflectance(texel[:, IOR], transmission), texel[:, ROUGHNESS]
     above = np.zeros((len(texel), 1), np.float32)
     if scene.coat is not None:
-        weight, coat_f0, of_coat, share = scene.coat[tile].T
+        weight, coat_f0, of_coat, _ = scene.coat[tile].T
         straight, slanting = split_sum(cosine, of_coat)
         above = (weight * (coat_f0 * straight + slanting))[:, None]
-        roughness = ((roughness - share * of_coat) / (1 - share).clip(1e-3)).clip(0, 1)
+        roughness = roughness_below(roughness, scene.coat[tile])
         f0 = (1 - (1 - f0) / (1 - weight * coat_f0)).clip(0)  # of the layer below, which the tile's contains both
     straight, slanting = (x[:, None] for x in split_sum(cosine, roughness))
     metal = (base * straight + slanting) / (straight + slanting)  # with the light between its facets

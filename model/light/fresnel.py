@@ -34,7 +34,7 @@ def slant(cosine: Tensor) -> Tensor:
 
 def lobe_albedo(f0: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
     """(P,) share of uniform light that the lobe reflects to a viewer at this cosine, without light between facets."""
-    straight, slanting = split_sum(cosine, roughness)
+    straight, slanting = _split_sum(cosine, roughness)
     return (f0 * straight + slanting).clamp_min(LEAST_ALBEDO)
 
 
@@ -58,14 +58,14 @@ def gain(f0: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
 
     f0, roughness: (P,); cosine: (P, E), at which the light arrives.
     """
-    of_emitters = split_sum(*torch.broadcast_tensors(cosine, roughness[:, None]))
+    of_emitters = _split_sum(*torch.broadcast_tensors(cosine, roughness[:, None]))
     of_uniform = _uniform_sum(roughness)
     emitters, uniform = (f0[:, None] * straight + slanting
                          for straight, slanting in (of_emitters, (x[:, None] for x in of_uniform)))
     return emitters / uniform.clamp_min(LEAST_ALBEDO)
 
 
-def split_sum(cosine: Tensor, roughness: Tensor, table: Tensor | None = None) -> tuple[Tensor, Tensor]:
+def _split_sum(cosine: Tensor, roughness: Tensor, table: Tensor | None = None) -> tuple[Tensor, Tensor]:
     """Factor of f0, and what slanting facets add to it; all of one shape."""
     table = _table(cosine.device) if table is None else table
     at = torch.stack([cosine.abs().flatten(), roughness.flatten()], -1) * 2 - 1
@@ -76,7 +76,7 @@ def split_sum(cosine: Tensor, roughness: Tensor, table: Tensor | None = None) ->
 
 def _uniform_sum(roughness: Tensor) -> tuple[Tensor, Tensor]:
     """The same of uniform light."""
-    return split_sum(torch.zeros_like(roughness), roughness, _mean_table(roughness.device))
+    return _split_sum(torch.zeros_like(roughness), roughness, _mean_table(roughness.device))
 
 
 @cache

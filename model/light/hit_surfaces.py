@@ -64,15 +64,15 @@ class HitSurfaces:
             to_tensor, (guides.diffuse_color, guides.glossy_color, guides.transmission_color))
         cosine, coverage = -dot(normal, rays), to_tensor(guides.alpha)[..., None].clamp(0, 1)
         f0 = _relative_f0(*map(to_tensor, hit_reflectances(scene, guides)), cosine, roughness)
-        beside = {name: to_tensor(hit_values(scene, guides, values)) for name in ("translucent", "sheen", "coat")
-                  if (values := getattr(scene, name)) is not None}
+        translucent, sheen, coat = (None if values is None else to_tensor(hit_values(scene, guides, values))
+                                    for values in (scene.translucent, scene.sheen, scene.coat))
         return cls(origin, rays, to_tensor(guides.position), normal, coverage,
                    diffuse, glossy, transmission, roughness, f0,
                    diffuse.mean(-1) / glossy.mean(-1).clamp_min(1e-6),
                    None if guides.straight is None else torch.from_numpy(guides.straight).to(device)[..., None],
-                   beside["translucent"][..., None] if "translucent" in beside else None,
-                   _sheen(beside["sheen"], cosine, coverage, diffuse) if "sheen" in beside else None,
-                   _coat(beside["coat"], cosine, coverage, glossy) if "coat" in beside else None,
+                   None if translucent is None else translucent[..., None],
+                   None if sheen is None else _sheen(sheen, cosine, coverage, diffuse),
+                   None if coat is None else _coat(coat, cosine, coverage, glossy),
                    None if scene.group is None or not len(scene) else scene.group[guides.hit_triangle.clip(0)])
 
     @property

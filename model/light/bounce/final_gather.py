@@ -170,7 +170,7 @@ class GatherScene:
         if self.panes is not None and (self._refracts or ray == Ray.GLOSSY):
             with part(0.7, 1.0):
                 glass = self.panes.behind(origin, direction, distance)
-            row, light, transmittance = glass[:3]
+            row, light, transmittance = glass.ray, glass.sky, glass.transmittance
             sky[row] = False
             if self.panes.have_colors and tint.shape[1] == 1:
                 tint = tint.repeat(1, 3)
