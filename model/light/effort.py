@@ -15,7 +15,7 @@ class Effort:
     shadow_grid: int = 1     # least distance in pixels between probes of shadows
     probe_grid: int = 1      # and of bounced light
     closer: int = 2          # factor on the density of probes where those around are unreliable
-    smoothings: int = 2      # filters of light that rays have estimated
+    smoothings: int = 3      # filters of light that rays have estimated, at most
     patches: float = 1.0     # share of the patches of a finished picture
     walls: bool = True       # whether patches and probes are separated by walls
     network: bool = True     # whether the transformer corrects the light

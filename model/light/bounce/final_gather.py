@@ -2,8 +2,8 @@
 """Final gather: rays from points to sides of patches, to the sky, and to the sky behind glass."""
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from itertools import accumulate
 
 import torch
 from torch import Tensor
@@ -16,11 +16,12 @@ from ...surface_kinds import BENDING, SOLID, STRAIGHT_THROUGH, Kind, Ray
 from ..cutouts import Veils
 from ..direct.direct_light import DirectLight
 from ..direct.environment_light import BLUR, FOG_REACH, LIFT, EnvironmentLight
-from ..sampling import hashed_starts
 from ..tensor_rays import TensorRays
 from ..vectors import dot
 from ..weighted_rows import weighted_rows
 from .bright_patches import BrightPatches
+from .guide import Guide
+from .matte_rays import MatteRays
 from .panes import BehindGlass, Panes
 from .patch_lobes import PatchLobes
 from .patches import Patches
@@ -31,16 +32,20 @@ FOG_RAYS = 8  # of a point, along which in-scattering is computed
 
 @dataclass
 class Gathered:
-    """What R rays from each of P points hit, and A more that were aimed at bright patches."""
+    """What R rays from each of P points hit, and A more that were aimed at bright patches.
+
+    Rays of matte points are weighted as MatteRays says.
+    """
 
     direction: Tensor  # (P, R, 3), unit
     side: Tensor       # (P, R + A) row of a patch's front or back among those of all patches; one behind them = none
     share: Tensor      # (P, R + A) share of the radiance from there that arrives, times the weight of the ray
     sky: Tensor        # (P, R, 1) or (P, R, 3) share of the sky's radiance that arrives where nothing is hit
-    through: Tensor    # (P, 3) mean radiance of media, and of the sky behind glass
-    fire: Tensor | None = None  # (P, 3) mean radiance of fire, which is not in `through`; None without any
-    # (M,) numbers among all P R rays, and (M, 3) the radiance that these see besides: the sky behind glass, unless rays
-    # were aimed, and in polished metal; and lamps in that
+    media: Tensor      # (P, 3) mean radiance of media
+    weight: Tensor | None = None  # (P, R) of rays to the sky; None: all count alike
+    fire: Tensor | None = None  # (P, 3) mean radiance of fire, which is not in `media`; None without any
+    # (M,) numbers among all P (R + A) rays, and (M, 3) the radiance that these see besides, times their weights: the
+    # sky behind glass and in polished metal; and lamps in that
     skies: tuple[Tensor, Tensor] | None = None
     highlights: tuple[Tensor, Tensor] | None = None
     tint: Tensor | None = None  # (P, R + A, 3) colour of `share`, whose mean is 1; None where nothing has one
@@ -48,10 +53,19 @@ class Gathered:
 
     @classmethod
     def joined(cls, parts: list[Gathered]) -> Gathered:
-        """Of some points and others, but for what they see besides."""
+        """Of some points and others, but for `highlights`."""
         of_parts = {name: [getattr(some, name) for some in parts] for name in (
-            "direction", "side", "share", "sky", "through", "fire", "tint", "excess")}
-        return cls(**{name: None if some[0] is None else torch.cat(some) for name, some in of_parts.items()})
+            "direction", "side", "share", "sky", "media", "weight", "fire", "tint", "excess")}
+        joined = {name: None if some[0] is None else torch.cat(some) for name, some in of_parts.items()}
+        if parts[0].skies is not None:
+            before = accumulate((some.side.numel() for some in parts), initial=0)
+            rays = torch.cat([first + some.skies[0] for first, some in zip(before, parts, strict=False)])
+            joined["skies"] = rays, torch.cat([some.skies[1] for some in parts])
+        return cls(**joined)
+
+    def through(self) -> Tensor:
+        """(P, 3) mean radiance of media, and of the sky behind glass."""
+        return self.media + self._mean_of(self.skies)
 
     def radiance(self, leaving: Tensor, weight: Tensor | None = None) -> Tensor:
         """(P, C) mean of what arrives of the radiance (sides, C) that leaves the patches, RGB any number of times.
@@ -76,18 +90,46 @@ class Gathered:
         """(P, 3) mean radiance of `skies`, and of `highlights`; weight as above."""
         return self._mean_of(self.skies, weight), self._mean_of(self.highlights, weight)
 
-    def _mean_of(self, seen: tuple[Tensor, Tensor] | None, weight: Tensor) -> Tensor:
-        light = torch.zeros_like(self.through)
+    def _mean_of(self, seen: tuple[Tensor, Tensor] | None, weight: Tensor | None = None) -> Tensor:
+        light, count = torch.zeros_like(self.media), self.side.shape[1]
         if seen is None:
             return light
         ray, radiance = seen
-        return light.index_add_(0, ray // weight.shape[1], weight.flatten()[ray, None] * radiance) / weight.shape[1]
+        radiance = radiance if weight is None else weight.flatten()[ray, None] * radiance
+        return light.index_add_(0, ray // count, radiance) / count
+
+    def noise(self, leaving: Tensor) -> Tensor:
+        """(P, 1) half of the difference between the grey light by even rays, as of `radiance` and `skies`, and by odd.
+        """
+        count = self.side.shape[1]
+        sign = 1 - 2 * (torch.arange(count, device=leaving.device) % 2).to(leaving)
+        noise = weighted_rows(F.pad(leaving.mean(1, keepdim=True), (0, 0, 0, 1)), self.side, self.share * sign)
+        if self.skies is not None:
+            ray, radiance = self.skies
+            noise[:, 0].index_add_(0, ray // count, radiance.mean(1) * sign[ray % count])
+        return noise / count
+
+    def arriving(self, leaving: Tensor, environment: EnvironmentLight | None) -> tuple[Tensor, Tensor]:
+        """(P, R) weighted grey radiance along each ray that was not aimed, of surfaces and of the sky.
+
+        leaving: (sides, 3). The sky behind glass is light of surfaces.
+        """
+        count = self.direction.shape[1]
+        bounced = F.pad(leaving.mean(1), (0, 1))[self.side] * self.share
+        if self.skies is not None:
+            bounced.view(-1).index_add_(0, self.skies[0], self.skies[1].mean(1))
+        bounced, direction = bounced[:, :count], self.direction.flatten(0, 1)
+        if environment is None:
+            return bounced, torch.zeros_like(bounced)
+        sky = environment.filtered(direction, torch.full_like(direction[:, 0], BLUR)).view_as(self.direction)
+        sky = (self.sky * sky).mean(-1)
+        return bounced, sky if self.weight is None else self.weight * sky
 
     def sky_visibility(self, environment: EnvironmentLight | None, weight: Tensor | None = None) -> Tensor:
         """(P, 3) share of the environment's light that arrives, RGB; weight as above."""
         if environment is None:
-            return torch.ones_like(self.through)
-        return environment.visible_share(self.direction, self.sky, weight)
+            return torch.ones_like(self.media)
+        return environment.visible_share(self.direction, self.sky, self.weight if weight is None else weight)
 
 
 class GatherScene:
@@ -102,7 +144,7 @@ class GatherScene:
         self._refracts = scene.has_caustics["refractive"]
         seen = patches.patch if self._refracts else patches.patch.where(patches.solid, self.count)
         self._seen = F.pad(seen, (0, 1), value=self.count).to(device)  # the same, nothing for glass that is not seen
-        self.bright = self.lobes = None
+        self._bright = self._guide = self.lobes = None
         self.corners, self._is_solid = patches.corners.to(device), patches.solid.to(device)
         self._locator = patches.locator.to(device)
         self.fog = direct.fog
@@ -123,25 +165,34 @@ class GatherScene:
 
     def aim(self, importance: Tensor) -> None:
         """Aim rays at patches of such importance (sides,) from now on."""
-        self.bright = BrightPatches(self.corners, self._is_solid, self.patch[:-1], importance)
+        self._bright = BrightPatches(self.corners, self._is_solid, self.patch[:-1], importance)
+
+    def guide(self, x: Tensor, n: Tensor, gathered: Gathered, leaving: Tensor) -> None:
+        """Guide rays from now on by what these, from points and normals (P, 3), gather of `leaving` (sides, 3)."""
+        self._guide = Guide(x, n, gathered.direction, *gathered.arriving(leaving, self.environments[Ray.DIFFUSE]))
 
     def spread(self, lobes: PatchLobes) -> None:
         """Compute for all rays from now on how much more than matte sides these lobes send along them."""
         self.lobes = lobes
 
-    def gather(self, position: Tensor, normal: Tensor, direction: Tensor, aimed: int = 0, start: Tensor | None = None,
-               with_media: bool = True, ray: Ray = Ray.DIFFUSE, roughness: Tensor | None = None) -> Gathered:
+    def diffuse(self, position: Tensor, normal: Tensor, start: Tensor, rays: int, aimed: int) -> Gathered:
+        """Trace rays from matte points (P, 3) with unit normals (P, 3), and `aimed` more towards bright patches.
+
+        start: (P, 2) in [0, 1), which spreads them.
+        """
+        matte = MatteRays(position, normal, start, rays, aimed, self._bright, self._guide)
+        return self._gather(position, normal, matte.direction, Ray.DIFFUSE, matte=matte)
+
+    def glossy(self, position: Tensor, normal: Tensor, direction: Tensor, roughness: Tensor) -> Gathered:
         """Trace rays from points (P, 3) with unit normals (P, 3) along unit vectors (P, R, 3).
 
-        Directions with a density of the cosine may be joined by `aimed` more towards bright patches, which `start`
-        (P, 2) spreads. with_media: whether in-scattered light along the rays is added. ray: DIFFUSE or
-        GLOSSY, these around a lobe of a roughness (P,).
+        These are in a lobe of a roughness (P,). Media along the rays dim them, and send no light.
         """
-        rays, target = direction.shape[1], None
-        position = position + LIFT * normal
-        if aimed and self.bright.exist:
-            aimed_direction, target = self.bright.sample(position, aimed, start)
-            direction = torch.cat([direction, aimed_direction], 1)
+        return self._gather(position, normal, direction, Ray.GLOSSY, roughness=roughness)
+
+    def _gather(self, position: Tensor, normal: Tensor, direction: Tensor, ray: Ray, matte: MatteRays | None = None,
+                roughness: Tensor | None = None) -> Gathered:
+        position, rays = position + LIFT * normal, direction.shape[1] if matte is None else matte.unaimed
         total, direction = direction.shape[1], direction.reshape(-1, 3)
         origin = position[:, None].expand(-1, total, -1).reshape(-1, 3)
         with part(0.0, 0.7):
@@ -155,15 +206,15 @@ class GatherScene:
         piece = self._locator.find(hits.triangle, hits.weights)
         side = self._sides(piece, along)
         tint, sky, fire, skies, highlights = torch.ones_like(distance)[:, None], distance.isinf(), None, None, None
-        through = torch.zeros_like(position)
+        media = torch.zeros_like(position)
+        weight = None if matte is None else matte.weights(piece, distance)
         if self.fog is not None:
             end = origin + distance.clamp(max=FOG_REACH)[:, None] * direction
             tint = self.fog.transmittance(origin, end)
-            if with_media:
-                begin = hashed_starts(position, 2) if start is None else start
-                some = _some(end.view(-1, total, 3)[:, :rays], FOG_RAYS, begin[:, 1])
-                of_media = position, normal, some, begin, self._opaque.is_blocked
-                through += self._media.to_surfaces.diffuse(*of_media)
+            if matte is not None:
+                some = _some(end.view(-1, total, 3)[:, :matte.plain], FOG_RAYS, matte.start[:, 1])
+                of_media = position, normal, some, matte.start, self._opaque.is_blocked
+                media += self._media.to_surfaces.diffuse(*of_media)
                 fire = self._media.fire and self._media.fire.diffuse(*of_media)
         if straight is not None:
             tint = tint * straight
@@ -177,8 +228,7 @@ class GatherScene:
             tint[row] *= transmittance if tint.shape[1] == 3 else transmittance[:, :1]
             row, light = self._mirrored_by(glass, ray, side, tint, row, light)
             along = along.index_put((glass.mirroring,), glass.onward)
-            through.index_add_(0, row // total, light * (row % total < rays)[:, None] / rays)
-            skies = (row, light) if total == rays else None
+            skies = row, light if weight is None else weight.view(-1, 1)[row] * light
         if mirrored is not None:
             row, tint = mirrored.row, tint.repeat(1, 3 // tint.shape[1])
             skies = _joined(skies, (row, mirrored.sky * tint[row]))
@@ -189,14 +239,11 @@ class GatherScene:
         color = (tint / share[:, None].clamp_min(1e-9)).view(-1, total, 3) if tint.shape[1] == 3 else None
         sky = (sky[:, None] * tint).unflatten(0, (-1, total))[:, :rays]
         excess = None if self.lobes is None else self.lobes.excess(side, along.T).view(-1, total)
-        if target is not None:
-            density = self.bright.density_by_angle(piece, direction, distance).view(-1, total)
-            cosine = (direction.view(-1, total, 3) @ normal[..., None])[..., 0].clamp_min(0)
-            balanced = total * cosine / (rays * cosine + math.pi * aimed * density).clamp_min(1e-9)
-            balanced[:, rays:] *= piece.view(-1, total)[:, rays:] == target
-            share = share * balanced.flatten()
-        return Gathered(direction.view(-1, total, 3)[:, :rays], side.view(-1, total), share.view(-1, total), sky,
-                        through, fire, skies, highlights, color, excess)
+        share = share.view(-1, total)
+        if weight is not None:
+            share, weight = share * weight, weight[:, :rays]
+        return Gathered(direction.view(-1, total, 3)[:, :rays], side.view(-1, total), share, sky, media, weight, fire,
+                        skies, highlights, color, excess)
 
     def _mirrored_by(self, glass: BehindGlass, ray: Ray, side: Tensor, tint: Tensor, row: Tensor,
                      light: Tensor) -> tuple[Tensor, Tensor]:

@@ -30,7 +30,7 @@ def diffuse_bounces(radiosity: Radiosity, probes: Probes, effort: Effort,
         light = radiosity.diffuse(x, n, number, effort, with_sky)
         return _named(light if with_sky else light._replace(fire=None))
 
-    filters = Filter(1), Filter(2, _contrast)
+    filters = Filter(1), Filter(2, _contrast), Filter(4, _contrast_over_noise)
     pictures = probes.interpolate(compute, filters=filters[:effort.smoothings])
     return pictures["indirect"], pictures.get("sky"), pictures.get("fire")
 
@@ -96,7 +96,7 @@ def outgoing_radiance(radiosity: Radiosity, direct: DirectLight | None, effort: 
     """(P, 3) radiance leaving white diffuse surfaces at points x (P, 3): "bounced" before, and "complete" if `direct`.
     """
     with part(0.0, 0.5):
-        bounced, fire, _ = radiosity.diffuse(x, n, number, effort, with_sky=False)
+        bounced, fire, *_ = radiosity.diffuse(x, n, number, effort, with_sky=False)
     with part(0.5, 1.0):
         if direct is None:
             return {"bounced": bounced}
@@ -108,6 +108,13 @@ def _contrast(light: Tensor, neighbours: Tensor) -> Tensor:
     """Difference of the first three channels, RGB: it changes fast where surfaces touch."""
     light, other = light[:, None, :3], light[:, :3][neighbours]
     return ((light - other).abs() / (light + other).clamp_min(1e-9)).amax(-1) / CONTRAST
+
+
+def _contrast_over_noise(light: Tensor, neighbours: Tensor) -> Tensor:
+    """Difference of the mean of the first three channels over that which noise, the last channel, explains."""
+    grey, variance = light[:, :3].mean(1), light[:, -1].square()[neighbours].mean(1)
+    variance = torch.maximum(variance, variance[neighbours].mean(1))
+    return (grey[:, None] - grey[neighbours]).abs() / (variance[:, None] + variance[neighbours]).sqrt().clamp_min(1e-9)
 
 
 def _named(light: DiffuseLight | GlossyLight) -> dict[str, Tensor]:

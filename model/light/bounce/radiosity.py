@@ -27,7 +27,7 @@ from ..direct.environment_light import LIFT
 from ..effort import FULL, Effort
 from ..fresnel import schlick
 from ..probes import CHUNK
-from ..sampling import cosine_directions, ggx_directions, hashed_starts, r2_starts
+from ..sampling import ggx_directions, hashed_starts, r2_starts
 from .bright_patches import importance_by_arrival, importance_by_power
 from .final_gather import Gathered, GatherScene
 from .openness import Openness
@@ -43,7 +43,7 @@ SHADOW_RAYS = 1 << 22  # from all patches to emitters; there are fewer patches w
 RAYS = 24         # from a point
 AIMED = 12        # rays more towards bright patches
 GLOSSY_RAYS = 16  # from a point, within its glossy lobe
-PHOTONS = 1 << 16  # from emitters to glass
+PHOTONS = 1 << 17  # from emitters to glass
 THROUGH_GLASS = 3  # bounces that light has after a surface, and both sides of glass
 
 
@@ -54,6 +54,7 @@ class DiffuseLight(NamedTuple):
     # (P, 3) the same of fire and of surfaces that glow, which traced light contains; None without either
     fire: Tensor | None
     sky: Tensor | None           # (P, 3) visibility of the sky
+    noise: Tensor                # (P, 1) of the grey of `indirect`: as large as its error, of either sign
 
 
 class GlossyLight(NamedTuple):
@@ -112,7 +113,7 @@ class Radiosity:
             gathered = self._exchanged(x, n, normals, effort)
             fire = self._with_glow(gathered.fire, gathered)
         glossy = metal + layer
-        through = (diffuse + glossy) * lit(gathered.through + caustic_light)
+        through = (diffuse + glossy) * lit(gathered.through() + caustic_light)
         # (sides, 3) radiance that leaves all sides of patches, and what of it has bounced diffusely, or through glass
         self.leaving = self.bounced_before = self._of_lobes = torch.zeros_like(through)
         for most in firsts:
@@ -129,6 +130,7 @@ class Radiosity:
             self.leaving = self.leaving + (first + bounced_before + glossily)
             self._of_lobes = self._of_lobes + of_lobes
         self.gather_scene.aim(importance_by_arrival(self.leaving, size, gathered.side, gathered.share))
+        self.gather_scene.guide(x, n, gathered, self.leaving)
 
     def _light_by_bounces(self, direct: DirectLight, x: Tensor, n: Tensor, f0: Tensor, roughness: Tensor, group: Tensor,
                           sky_rays: int) -> dict[int, tuple[Tensor, ...]]:
@@ -167,8 +169,8 @@ class Radiosity:
     def _exchanged(self, x: Tensor, n: Tensor, normals: Tensor, effort: Effort) -> Gathered:
         """What rays from points of patches (sides, 3) hit, of unit normals and, for shading, n (sides, 3)."""
         def gather(x: Tensor, n: Tensor, normals: Tensor, start: Tensor) -> Gathered:
-            direction = cosine_directions(n, effort.of(PATCH_RAYS), start)
-            gathered = self.gather_scene.gather(x, n, direction, effort.of(PATCH_AIMED), start)
+            gathered = self.gather_scene.diffuse(x, n, start, effort.of(PATCH_RAYS), effort.of(PATCH_AIMED))
+            direction = gathered.direction
             gathered.share[:, :direction.shape[1]] *= (direction @ normals[..., None])[..., 0] > 0
             return gathered
 
@@ -184,17 +186,16 @@ class Radiosity:
         number = torch.arange(len(position), device=position.device) if number is None else number
         gathered = self._gathered(position, normal, number, effort)
         light = gathered.with_lobes(self.leaving, self._of_lobes)
-        light = light + gathered.through + self.caustics.radiance(position, normal)
+        light = light + gathered.through() + self.caustics.radiance(position, normal)
         if not self._most.diffusely:
             light = torch.zeros_like(light)
         sky = gathered.sky_visibility(self.gather_scene.environments[Ray.DIFFUSE]) if with_sky else None
-        return DiffuseLight(light, self._with_glow(gathered.fire, gathered), sky)
+        return DiffuseLight(light, self._with_glow(gathered.fire, gathered), sky, gathered.noise(self.leaving))
 
     def _gathered(self, position: Tensor, normal: Tensor, number: Tensor, effort: Effort) -> Gathered:
         """What rays from points (P, 3) of matte surfaces hit; arguments as of `diffuse`."""
-        start = r2_starts(number)
-        return self.gather_scene.gather(position, normal, cosine_directions(normal, effort.of_probe(RAYS), start),
-                                        effort.of_probe(AIMED), start)
+        return self.gather_scene.diffuse(position, normal, r2_starts(number), effort.of_probe(RAYS),
+                                         effort.of_probe(AIMED))
 
     def _with_glow(self, light: Tensor | None, gathered: Gathered, weight: Tensor | None = None) -> Tensor | None:
         """(P, 3) `light` and that of surfaces which glow; None if there is neither."""
@@ -206,7 +207,7 @@ class Radiosity:
     def behind(self, position: Tensor, normal: Tensor, number: Tensor, effort: Effort = FULL) -> dict[str, Tensor]:
         """(P, 3) as of `diffuse`: "all" light, and what of it has "bounced" before, which traced light has not."""
         gathered = self._gathered(position, normal, number, effort)
-        other = gathered.through + self.caustics.radiance(position, normal)
+        other = gathered.through() + self.caustics.radiance(position, normal)
         return {"all": self._with_glow(gathered.with_lobes(self.leaving, self._of_lobes) + other, gathered),
                 "bounced": gathered.radiance(self.bounced_before) + other}
 
@@ -222,8 +223,7 @@ class Radiosity:
         """
         direction, weight, cosine, density = ggx_directions(normal, outgoing, roughness, effort.of_probe(GLOSSY_RAYS),
                                                             r2_starts(number))
-        gathered = self.gather_scene.gather(position, normal, direction, with_media=False, ray=Ray.GLOSSY,
-                                            roughness=roughness)
+        gathered = self.gather_scene.glossy(position, normal, direction, roughness)
         weight = weight * schlick(f0[:, None], cosine)
         weight = weight / weight.mean(1, keepdim=True).clamp_min(1e-6)
         if not self._most.glossily:

@@ -15,6 +15,7 @@ from .surface_elements import near_photons, surface_elements
 
 SPACINGS = 0.016, 0.032, 0.064  # network units between the nodes of the grids
 ENOUGH = 120.0  # photons on the area of a node from which on a grid twice as fine is used
+NOISE = 0.7   # standard deviations by which light must differ for that, up to one more
 THIN, THICKER = 4e-3, 0.25  # thickness of a layer of nodes: network units, and the share of the spacing added
 ALONG = 0.4     # component of a normal from which on its surface is in the grids across that axis
 ELEMENT = 0.75  # of the spacing, length of the elements by which the area of surfaces is measured
@@ -67,9 +68,18 @@ class PhotonMap:
         count = count[near]
         for grid in reversed(finer):
             fine = (count / ENOUGH).clamp(max=1)[:, None]  # by the coarser grid: beside a focus there are few photons
+            coarse, expected = radiance[near], count / 4
             finer_radiance, count = _look_up(grid, position[near], normal[near])
-            radiance[near] = torch.lerp(radiance[near], finer_radiance, fine)
+            fine = fine * _differs(coarse, finer_radiance, torch.maximum(count, expected))
+            radiance[near] = torch.lerp(coarse, finer_radiance, fine)
         return radiance
+
+
+def _differs(coarse: Tensor, fine: Tensor, count: Tensor) -> Tensor:
+    """(P, 1) whether radiance (P, 3) of a finer grid differs by more than the noise of so many photons (P,)."""
+    coarse, fine = coarse.mean(1), fine.mean(1)
+    noise = torch.maximum(coarse, fine) / count.clamp_min(1e-9).sqrt()
+    return ((fine - coarse).abs() / noise.clamp_min(1e-20) - NOISE).clamp(0, 1)[:, None]
 
 
 def _grid(position: Tensor, normal: Tensor, light: Tensor, spacing: float) -> _Grid:
