@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Importance sampling of the few patches that are much brighter than the others, which uniform rays hit by chance only.
-
-Both kinds of rays together are weighted by the balance heuristic (Veach and Guibas 1995).
 """
 from __future__ import annotations
 
