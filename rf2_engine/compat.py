@@ -112,3 +112,8 @@ def add_image_strip(scene: bpy.types.Scene, files: list[str]) -> tuple[int, int]
         strip.transform.filter = "NEAREST"
     element = strips[0].elements[0]
     return element.orig_width, element.orig_height
+
+
+def smooths_past_flat_faces() -> bool:
+    """Whether smooth faces of Cycles have normals of vertices, which flat faces beside them share."""
+    return bpy.app.version < (5, 2)

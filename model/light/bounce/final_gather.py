@@ -27,6 +27,8 @@ from .patch_lobes import PatchLobes
 from .patches import Patches
 from .polished import PolishedMetal
 
+TOUCHING = 1e-3  # network units from a point to the plane of its own face, at most
+ALIKE = 0.3      # cosine between normals of a face and for shading, at least
 FOG_RAYS = 8  # of a point, along which in-scattering is computed
 
 
@@ -138,7 +140,7 @@ class GatherScene:
     def __init__(self, scene: RenderScene, patches: Patches, direct: DirectLight):
         device, rays = direct.device, scene_rays(scene)
         self.count = len(patches.center)
-        self._facing = F.pad(patches.facing, (0, 0, 0, 1)).to(device)  # of triangles
+        self._facing = F.pad(F.normalize(patches.facing, dim=-1), (0, 0, 0, 1)).to(device)  # of triangles
         # The row behind all patches stands for "nothing", and for emitters, whose light is no indirect one.
         self.patch = F.pad(patches.patch, (0, 1), value=self.count).to(device)
         self._refracts = scene.has_caustics["refractive"]
@@ -205,6 +207,9 @@ class GatherScene:
             hits, along = mirrored.behind(hits, direction)
         piece = self._locator.find(hits.triangle, hits.weights)
         side = self._sides(piece, along)
+        if matte is not None:
+            is_own = self._is_own_face(piece, direction, distance, normal.repeat_interleave(total, 0))
+            side = side.where(~is_own, 2 * self.count)
         tint, sky, fire, skies, highlights = torch.ones_like(distance)[:, None], distance.isinf(), None, None, None
         media = torch.zeros_like(position)
         weight = None if matte is None else matte.weights(piece, distance)
@@ -266,6 +271,15 @@ class GatherScene:
         At weights (N, 2) of triangles (N,) of the geometry.
         """
         return self._sides(self._locator.find(triangle, weights), direction)
+
+    def _is_own_face(self, piece: Tensor, direction: Tensor, distance: Tensor, normal: Tensor) -> Tensor:
+        """(N,) bool of rays (N, 3) that hit triangles (N,): of those right below points with shading normals (N, 3).
+
+        Such rays go into the surface that they start from, and carry nothing in Cycles.
+        """
+        facing = self._facing.index_select(0, piece)
+        height = distance * dot(facing, direction)
+        return (height.abs() < TOUCHING) & (dot(facing, normal) * -height.sign() > ALIKE)
 
     def _sides(self, piece: Tensor, direction: Tensor) -> Tensor:
         """The same for the triangles (N,) of patches."""

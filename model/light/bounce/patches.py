@@ -20,6 +20,7 @@ from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderS
 from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, BOUNCED, REFLECTING, SOLID, STRAIGHT_THROUGH, clear_tiles, is_kind
 from ..direct.emitter_light import NearEmitters
+from ..direct.terminator import edge_heights, heights
 from ..fresnel import layer_albedo
 from ..sampling import hashed_starts, triangle_weights
 from .grouping import group_elements, group_patches
@@ -53,6 +54,7 @@ class Patches:
     patch: Tensor    # (T,) i64, row of the patch that a triangle belongs to
     corners: Tensor  # (T, 3, 3) f32
     normals: Tensor  # (T, 3, 3) f32, shading normals at the corners
+    height: Tensor   # (T, 3) f32, of the curved surface above the corners (direct/terminator.py)
     solid: Tensor    # (T,) bool, stops light that does not pass it straight
     group: np.ndarray  # (S,) u8, of surfaces (RenderScene.group)
     weight: Tensor   # (S,) f32, area, weighted by how near the scene's middle and the emitters are
@@ -73,10 +75,11 @@ class Patches:
     def _vectors(self) -> Tensor:
         return torch.from_numpy(area_vectors(self.corners.numpy()))
 
-    def points(self) -> tuple[Tensor, Tensor, Tensor]:
-        """(S, 3) a point on the front of each patch, unit normals there, and those for shading.
+    def points(self) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """(S, 3) a point on the front of each patch, unit normals there, those for shading, and the way up from there
+        to the curved surface that these describe.
 
-        As in Cycles, light falls by the latter, but only on what it meets from the front.
+        As in Cycles, light falls by the shading normals, but only on what it meets from the front of that surface.
         """
         vector = self.facing
         order = self.patch.argsort(stable=True)
@@ -86,12 +89,16 @@ class Patches:
         share, u, v = hashed_starts(self.center, 3).T
         row = torch.searchsorted(cumulative, begins + share * (ends - begins))
         triangle = order[row.clamp(max=len(order) - 1)]
-        weights = triangle_weights(u, v)[..., None]
+        weights = triangle_weights(u, v)
+        height = heights(edge_heights(self.corners[triangle], self.normals[triangle]), weights)
+        height = (height + (weights * self.height[triangle]).sum(1)).clamp_min(0)
+        weights = weights[..., None]
         normal = F.normalize(vector[triangle], dim=-1)
         shading = self.turned[triangle] * F.normalize((weights * self.normals[triangle]).sum(1), dim=-1)
         along = (shading * normal).sum(-1, keepdim=True)
         shading = F.normalize(shading + (LEAST_ALONG - along).clamp_min(0) * normal, dim=-1)
-        return (weights * self.corners[triangle]).sum(1), normal, shading
+        up = height[:, None] * (self.turned[triangle] > 0) * shading
+        return (weights * self.corners[triangle]).sum(1), normal, shading, up
 
 
 def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
@@ -125,6 +132,8 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     weight = vector.norm(dim=-1) * torch.from_numpy(patch_density(center.numpy(), emitters)).float()
     return Patches(center, vector, *material.split([9, 2, 9, 2, 1, 3], 1), patch[torch.from_numpy(element)],
                    torch.from_numpy(corners), torch.from_numpy(subdivision.interpolated(scene.surfaces.normals)),
+                   subdivision.at_corners(heights, edge_heights(*map(torch.from_numpy, (
+                       scene.surfaces.triangles, scene.surfaces.normals)))),
                    torch.from_numpy(solid), group_of_patch, weight, subdivision.locator())
 
 

@@ -80,9 +80,9 @@ class Radiosity:
         with part(0.0, 0.2):
             self.gather_scene = GatherScene(scene, patches, direct)
         # All fronts, then all backs, here and below.
-        points, normals, shading = patches.points()
-        x, normals, n = (torch.cat(sides).to(direct.device) for sides in (
-            (points, points), (normals, -normals), (shading, -shading)))
+        points, normals, shading, up = patches.points()
+        x, normals, n, up = (torch.cat(sides).to(direct.device) for sides in (
+            (points, points), (normals, -normals), (shading, -shading), (up, torch.zeros_like(up))))
         albedo, of_layer = (torch.cat(sides).to(direct.device) for sides in (
             (patches.albedo, patches.back_albedo), (patches.layer, patches.back_layer)))
         diffuse, metal, layer = albedo.split(3, dim=1)
@@ -96,7 +96,7 @@ class Radiosity:
         self._most = _Bounces.of(scene)
         group = torch.from_numpy(patches.group).repeat(2)
         with part(0.2, 0.4):
-            lights = self._light_by_bounces(direct, x, n, f0, roughness, group, effort.of(SKY_RAYS))
+            lights = self._light_by_bounces(direct, x, n, (normals, up), f0, roughness, group, effort.of(SKY_RAYS))
         with part(0.4, 0.5):
             self.caustics, caustic_light = self._trace_caustics(
                 scene, direct.reaching(bounces=lambda bounces: bounces >= THROUGH_GLASS), area, effort.of(PHOTONS))
@@ -132,9 +132,12 @@ class Radiosity:
         self.gather_scene.aim(importance_by_arrival(self.leaving, size, gathered.side, gathered.share))
         self.gather_scene.guide(x, n, gathered, self.leaving)
 
-    def _light_by_bounces(self, direct: DirectLight, x: Tensor, n: Tensor, f0: Tensor, roughness: Tensor, group: Tensor,
-                          sky_rays: int) -> dict[int, tuple[Tensor, ...]]:
-        """DirectLight.diffuse_and_layer at points (P, 3) of groups (P,), by the most bounces that light has."""
+    def _light_by_bounces(self, direct: DirectLight, x: Tensor, n: Tensor, curved: tuple[Tensor, Tensor], f0: Tensor,
+                          roughness: Tensor, group: Tensor, sky_rays: int) -> dict[int, tuple[Tensor, ...]]:
+        """DirectLight.diffuse_and_layer at points (P, 3) of groups (P,), by the most bounces that light has.
+
+        curved: as of DirectLight.visibility.
+        """
         bounces = sorted(direct.bounces - {0})  # what bounces nowhere is seen where it falls
         lights = {most: tuple(torch.zeros_like(x) for _ in range(3)) for most in bounces}
         kinds = [(most, some) for most in bounces for some in group.unique().tolist()]
@@ -142,7 +145,8 @@ class Radiosity:
             light = direct.reaching(some, lambda bounces, most=most: bounces == most)
             rows = slice(None) if (group == some).all() else (group == some).nonzero()[:, 0].to(x.device)
             with part(i / len(kinds), (i + 0.5) / len(kinds)):
-                visibility = light.visibility(x[rows], n[rows], hashed_starts(x[rows], 2), sky_rays)
+                visibility = light.visibility(x[rows], n[rows], hashed_starts(x[rows], 2), sky_rays,
+                                              *(some[rows] for some in curved))
             with part((i + 0.5) / len(kinds), (i + 1) / len(kinds)):
                 found = light.diffuse_and_layer(x[rows] + LIFT * n[rows], n[rows], visibility, f0[rows],
                                                 roughness[rows])

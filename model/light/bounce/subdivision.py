@@ -2,9 +2,12 @@
 """Triangles that are quartered again and again, and the piece that a point on one of them lies in."""
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
 from ...geometry import area_vectors, quartered
 
@@ -50,6 +53,14 @@ class Subdivision:
     def interpolated(self, values: np.ndarray) -> np.ndarray:
         """(S, 3, C) at the corners of all pieces, of values (G, 3, C) at those of the triangles."""
         return np.concatenate([self._weights @ values[self.source], values[self.whole]])
+
+    def at_corners(self, function: Callable[[Tensor, Tensor], Tensor], values: Tensor) -> Tensor:
+        """(S, 3) function(values (C, 1, K), weights (C, 3, 3)) at the corners of pieces, of values (G, K) of triangles.
+
+        0 at those of whole ones.
+        """
+        of_pieces = function(values[self.source][:, None], torch.from_numpy(self._weights))
+        return F.pad(of_pieces, (0, 0, 0, len(self.whole)))
 
     def locator(self) -> PieceLocator:
         """Finds the pieces, for what hits the triangles."""

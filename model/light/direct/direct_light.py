@@ -26,6 +26,7 @@ from ..tensor_rays import TensorRays
 from ..vectors import dot
 from .emitter_light import EmitterLight
 from .environment_light import EnvironmentLight, SkyVisibility
+from .terminator import CurvedFaces
 
 SKY_RAYS = 48   # from a point on a surface
 AIR_RAYS = 6    # to each of six sides of a point in the air
@@ -74,6 +75,7 @@ class DirectLight:
             self.occluders = TensorRays(rays.among(OCCLUDING, Ray.SHADOW))
             self.cutouts = Cutouts.of(scene, Ray.SHADOW, device)
         self.emitters = EmitterLight(scene, self.fog, device, self.cutouts)
+        self.curved = CurvedFaces.of(scene, torch.device(device))
         self.device = self.emitters.radiance.device
         with part(0.5, 1.0):
             self.sky = None
@@ -107,16 +109,18 @@ class DirectLight:
         return None if self.fog is None else InScattering(self.fog, self.sky_radiance_in_air, self.emitters)
 
     def visibility(self, position: Tensor, normal: Tensor, start: Tensor | None = None,
-                   sky_rays: int = SKY_RAYS) -> Visibility:
+                   sky_rays: int = SKY_RAYS, *curved: Tensor) -> Visibility:
         """At points (P, 3) with unit normals (P, 3), for a diffuse surface.
 
-        start: (P, 2) in [0, 1), where in their sequence the rays of each point begin.
+        start: (P, 2) in [0, 1), where in their sequence the rays of each point begin. curved: unit normals of faces and
+        ways up to curved surfaces, (P, 3) each, as of EmitterLight.visibility.
         """
         start = hashed_starts(position, 2) if start is None else start
         with part(0.0, 0.5):
             sky = self.sky_visibility(position, normal, start, sky_rays)
         with part(0.5, 1.0):
-            return Visibility(sky, self.emitter_visibility(position, normal, position[:, None], start[:, None])[0])
+            return Visibility(sky, self.emitter_visibility(
+                position, normal, torch.cat([position, *curved], 1)[:, None], start[:, None])[0])
 
     def sky_visibility(self, position: Tensor, normal: Tensor, start: Tensor, rays: int) -> Tensor:
         """(P, 3) share of the sky's irradiance, by so many rays from each point; arguments as above."""

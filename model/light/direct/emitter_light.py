@@ -40,6 +40,7 @@ from .form_factors import (
 )
 from .glossy_lobe import emitter_share, facet_cosines, facet_width2, is_small, small_emitter_share
 from .outlines import CIRCLE, RING, fans, outline_vectors, rings
+from .terminator import start_heights
 
 FOG_REACH = 3.0  # network units from the centre: fog beyond dims no emitter
 END_GAP = 4e-3   # network units before an emitter at which a shadow ray ends
@@ -161,8 +162,9 @@ class EmitterLight:
 
         Of the light that a diffuse lobe sends on, and with `gloss` (outgoing (P, 3), roughness and f0 (P,)) that of a
         glossy lobe too. By K shadow rays to each emitter, from `origin` (P, K, 3) on the same surface, spread over it
-        by `start` (P, K, 2) in [0, 1). The last (P, 1) is how far rays to one emitter disagree: 0 where all or none
-        arrive, 1 where half do.
+        by `start` (P, K, 2) in [0, 1). origin may have the unit normal of its face too, and the way up to the curved
+        surface there (terminator.py), (P, K, 9). The last (P, 1) is how far rays to one emitter disagree: 0 where all
+        or none arrive, 1 where half do.
         """
         direction, sine2, in_beam = self._directions(x)
         cosine = cosines(direction, n)
@@ -188,19 +190,26 @@ class EmitterLight:
         return _arriving(lobe * is_shown, self._visible(x[:, None], n, start, is_shown, direction), self._to_glossy)
 
     def _visible(self, origin: Tensor, n: Tensor, start: Tensor, is_lit: Tensor, direction: Tensor) -> Tensor:
-        """As `_trace_shadows`, by K rays of points with unit normals (P, 3); origin: (P, K or 1, 3), start: (P, K, 2).
-        """
-        rays = zip(origin.expand(-1, start.shape[1], -1).unbind(1), start.unbind(1), strict=True)
-        return sum(self._trace_shadows(x + LIFT * n, is_lit, direction, on_emitter)
-                   for x, on_emitter in rays) / start.shape[1]
+        """As `_trace_shadows`, by K rays of points with unit normals (P, 3); origin: (P, K or 1, 3 or 9), start: (P, K,
+        2)."""
+        total = 0
+        for begin, on_emitter in zip(origin.expand(-1, start.shape[1], -1).unbind(1), start.unbind(1), strict=True):
+            x, *curved = begin.split(3, 1)
+            raised = (start_heights(direction, curved[0], n), curved[1]) if curved else None
+            total = total + self._trace_shadows(x + LIFT * n, is_lit, direction, on_emitter, raised)
+        return total / start.shape[1]
 
-    def _trace_shadows(self, x: Tensor, is_lit: Tensor, direction: Tensor, start: Tensor) -> Tensor:
+    def _trace_shadows(self, x: Tensor, is_lit: Tensor, direction: Tensor, start: Tensor,
+                       raised: tuple[Tensor, Tensor] | None = None) -> Tensor:
         """(P, E, 1) or (P, E, 3) share of each emitter's light that arrives at points (P, 3) by one ray.
 
         Where `is_lit` (P, E). direction: (3, P, E), to the emitters; start: (P, 2), where on them the rays end.
+        raised: a share (P, E) of a way (P, 3) from the points, at which rays start.
         """
         point, emitter = is_lit.nonzero().unbind(1)
         origin, is_near = x[point], ~self.is_distant[emitter, None]
+        if raised is not None:
+            origin = origin + raised[0][point, emitter, None] * raised[1][point]
         ray = self._points_on(emitter, direction[:, point, emitter].T, start[point]) - origin * is_near
         distance = length(ray)
         ray, end = ray / distance.clamp_min(1e-9)[:, None], distance - END_GAP

@@ -88,7 +88,9 @@ def _shadows(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, effort:
         grid = min(max(shadow_grid(len(direct.emitters)), effort.shadow_grid), grid)
     probes, trace = Probes(*probes.picture, grid, grid, probes.separation), partial(_trace_shadows, direct, rays)
     interpolate = partial(probes.interpolate, trace, where=surfaces.is_covered)
-    points = grid * smooth_steps(surfaces), -surfaces.rays, surfaces.roughness, surfaces.f0
+    has_curved = is_sharp and direct.curved is not None
+    curved = direct.curved.at(surfaces) if has_curved else surfaces.position[..., :0]
+    points = grid * smooth_steps(surfaces), curved, -surfaces.rays, surfaces.roughness, surfaces.f0
     if is_sharp and rays >= DECISIVE:
         pictures = _smooth_penumbras(probes, interpolate(*points), effort)
     else:
@@ -127,14 +129,16 @@ def _difference_at_edges(visibility: Tensor, neighbours: Tensor) -> Tensor:
 
 
 def _trace_shadows(direct: DirectLight, rays: int, x: Tensor, n: Tensor, number: Tensor, steps: Tensor,
-                   *gloss: Tensor) -> dict[str, Tensor]:
+                   curved: Tensor, *gloss: Tensor) -> dict[str, Tensor]:
     """Visibility of the emitters from points, and how far rays disagree, by so many rays to each.
 
-    steps: (P, 3, 3), across the pixel in which the rays start, and up (smooth_steps).
+    steps: (P, 3, 3), across the pixel in which the rays start, and up (smooth_steps). curved: (P, 6), as of
+    CurvedFaces, or (P, 0).
     """
     numbers = rays * number[:, None] + torch.arange(rays, device=x.device)
     start = r2_starts(numbers.flatten()).unflatten(0, numbers.shape)
     offset = F.pad(offsets_within(x.device), (0, 1), value=1.0)
     origin = x[:, None] + offset[numbers % len(offset)] @ steps
+    origin = torch.cat([origin, curved[:, None].expand(-1, rays, -1)], 2)
     found = direct.emitter_visibility(x, n, origin, start, *gloss)
     return dict(zip(("diffuse", "glossy", "disagreement"), found, strict=True))

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....model import progress
+from ... import compat
 from ..data.mesh import TriangleMesh, corner_keys, face_normals, has_area, lengths, unit_or, within_reach
 from . import attributes
 
@@ -26,20 +27,43 @@ def read_mesh(mesh, name: str, report, requested=()) -> TriangleMesh:
     progress.report()
     # Copied at once; reading triangles one by one takes many times as long.
     polygon = _read(mesh.loop_triangle_polygons, "value", count, np.int32)
-    vertex = _read(mesh.attributes[".corner_vert"].data, "value", len(mesh.loops), np.int32)[loop] if count else loop
+    corner = _read(mesh.attributes[".corner_vert"].data, "value", len(mesh.loops), np.int32) if count else np.int32([])
+    vertex = corner[loop]
     slot = np.zeros(count, np.int32)
     if "material_index" in mesh.attributes:
         slot = _read(mesh.loop_triangles, "material_index", count, np.int32)
     progress.report()
     position = _read(mesh.vertices, "co", 3 * len(mesh.vertices)).reshape(-1, 3)
-    normal = _read(mesh.corner_normals, "vector", 3 * len(mesh.loops)).reshape(-1, 3)
+    normal = _normals(mesh, corner, loop, polygon)
     uv = {layer.name: _read(layer.uv, "vector", 2 * len(mesh.loops)).reshape(-1, 2)[loop] for layer in mesh.uv_layers}
     active = next((layer.name for layer in mesh.uv_layers if layer.active_render), None)
     named = attributes.read_attributes(mesh, requested, loop, vertex, polygon)
     progress.report()
     space = np.float32([mesh.texspace_location, mesh.texspace_size])
-    triangles = TriangleMesh(position[vertex], normal[loop], uv, active, named, _render_color(mesh), slot, space)
+    triangles = TriangleMesh(position[vertex], normal, uv, active, named, _render_color(mesh), slot, space)
     return _without_broken(triangles, name, report)
+
+
+def _normals(mesh, corner: np.ndarray, loop: np.ndarray, polygon: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) of triangles with corners `loop` (n, 3) of faces `polygon` (n,), as Cycles shades them.
+
+    corner: (loops,) vertices. Blender lets smooth shading end at flat faces; in Cycles of older versions it does so
+    only where there are sharp edges or custom normals too.
+    """
+    normal = _read(mesh.corner_normals, "vector", 3 * len(mesh.loops)).reshape(-1, 3)[loop]
+    if not compat.smooths_past_flat_faces():
+        return normal
+    edges, faces = (_flags(mesh, name) for name in ("sharp_edge", "sharp_face"))
+    if mesh.has_custom_normals or edges.any() or not faces.any() or faces.all():
+        return normal
+    of_vertices = _read(mesh.vertex_normals, "vector", 3 * len(mesh.vertices)).reshape(-1, 3)
+    return np.where(faces[polygon][:, None, None], normal, of_vertices[corner[loop]])
+
+
+def _flags(mesh, name: str) -> np.ndarray:
+    """Values of a boolean attribute; none if the mesh has no such attribute."""
+    attribute = mesh.attributes.get(name)
+    return np.zeros(0, bool) if attribute is None else _read(attribute.data, "value", len(attribute.data), bool)
 
 
 def material_slots(obj) -> list:

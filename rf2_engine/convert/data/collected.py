@@ -24,7 +24,7 @@ class Part:
     instances: list[Instance] = field(default_factory=list)
     is_textured: bool = False                                  # materials vary across triangles
     flux_gain: float = 1.0                                     # for emitting area lost to simplification; 0: dark
-    real: TriangleMesh | None = None                           # the mesh before it was simplified, if it was
+    real: TriangleMesh | None = None                           # the mesh before it was simplified or divided
     hidden: int = 0                                            # rays that do not meet it, a set of Ray
     lit_groups: int = ALL_GROUPS                               # of surfaces, bits, if it shines
     blockers: int = ALL_GROUPS                                 # of surfaces that stop its light

@@ -11,10 +11,12 @@ from ....model.geometry import contracted
 from ....model.normalize import Normalization
 from ..data import mesh as meshes
 from ..data.collected import Part
+from ..data.mesh import TriangleMesh
 from ..meshes import subdivide
 from .apparent_size import ApparentSize
 
 BATCH = 100_000  # triangles between two checks of Esc
+TURNED = 0.05  # difference of unit normals within a triangle, from which on it stands for a curved surface
 TEXTURED = 3.0  # factor on the size of a triangle whose material has to fit into 32 x 32 texels
 
 
@@ -70,6 +72,8 @@ class Sizes:
         for i, part in enumerate(parts):
             mine = owner == i
             if np.count_nonzero(mine) > counts[i]:
+                if part.real is None and not part.is_textured and _is_curved(part.mesh):
+                    part.real = part.mesh  # pieces do not tell how far it is from the curved surface
                 part.mesh = subdivide.pieces(part.mesh, parent[mine] - counts[:i].sum(), weights[mine])
 
     def _largest_instances(self, parts: list[Part]) -> tuple[np.ndarray, np.ndarray]:
@@ -98,3 +102,8 @@ def _largest(part: Part, size) -> np.ndarray:
     matrices = np.array(part.matrices)
     middle = matrices[:, :3, :3] @ part.mesh.corners.mean(axis=(0, 1), dtype=np.float64) + matrices[:, :3, 3]
     return matrices[size(np.linalg.norm(matrices[:, :3, :3], axis=(1, 2)), middle).argmax()]
+
+
+def _is_curved(mesh: TriangleMesh) -> bool:
+    """Whether shading normals vary within triangles."""
+    return bool((np.ptp(mesh.normals, axis=1) > TURNED).any())

@@ -340,3 +340,11 @@ def test_light_that_is_asked_for_alone_is_the_same():
         for name in ("bounced", "missed"):
             one, other = getattr(light, name), getattr(both, name)
             assert torch.equal(one, other) if traced else one is other is None
+
+
+def test_rays_into_the_face_that_they_start_from_carry_nothing():
+    """Around a shading normal that leans, some would see the light that the face itself sends on."""
+    bounce = built(floor_scene(side=6))
+    bright = with_leaving(bounce, torch.ones(len(bounce.leaving), 1))
+    leaning = torch.tensor([[0.8, 0.0, 0.6]])
+    assert bright.diffuse(torch.tensor([[0.1, 0.2, 3e-4]]), leaning).indirect.max() < 1e-6

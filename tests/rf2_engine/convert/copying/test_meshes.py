@@ -86,3 +86,22 @@ def test_meshes_without_triangles_and_huge_ones_are_survived(converted, add_mesh
     add_mesh("huge", [(0, 0, 0), (1e12, 0, 0), (0, 1e12, 0)])
     scene = converted(seen=True)
     assert np.isfinite(scene.triangles).all() and meshes.areas(scene.triangles).sum() == pytest.approx(5e23)
+
+
+def test_smooth_faces_beside_flat_ones_are_shaded_as_in_cycles(report):
+    """Before 5.2 smooth shading goes on past the border of flat faces there, unless some edges are sharp."""
+    bpy.ops.mesh.primitive_cylinder_add(vertices=16)
+    data = bpy.context.object.data
+    is_side = [len(polygon.vertices) == 4 for polygon in data.polygons]
+    data.polygons.foreach_set("use_smooth", is_side)
+    flat, leaning = (np.abs(x) for x in _heights_of_normals(data, report))
+    assert flat == pytest.approx(1) and (leaning > 0.6).all() == (bpy.app.version < (5, 2))
+    data.edges.foreach_set("use_edge_sharp", [True] * len(data.edges))
+    assert np.abs(_heights_of_normals(data, report)[1]).max() < 1e-5
+
+
+def _heights_of_normals(data, report) -> tuple[np.ndarray, np.ndarray]:
+    """Z of the normals at corners of faces across Z, and along it."""
+    mesh = read_mesh(data, "cylinder", report)
+    is_cap = np.abs(meshes.face_normals(mesh.corners)[:, 2]) > 0.5
+    return mesh.normals[is_cap][..., 2], mesh.normals[~is_cap][..., 2]

@@ -134,3 +134,13 @@ def test_slivers_do_not_cost_the_rest_of_the_shape(report):
     areas = meshes.areas(small.corners)
     np.testing.assert_allclose(areas.sum(), meshes.areas(mesh.corners).sum(), rtol=0.1)
     assert areas.max() < 30 * np.median(areas)
+
+
+@pytest.mark.parametrize("smooth", [True, False])
+def test_rays_meet_curved_faces_whole_that_are_divided_into_tokens(converted, smooth):
+    bpy.ops.mesh.primitive_cylinder_add(vertices=8, depth=4)
+    bpy.context.object.data.polygons.foreach_set("use_smooth", [smooth] * 10)
+    scene = converted(max_edge=0.1)
+    assert len(scene) > 200
+    assert len(scene.surfaces.triangles) == (28 if smooth else len(scene))
+    assert len(np.unique(scene.surfaces.token)) == len(scene.surfaces.triangles)
