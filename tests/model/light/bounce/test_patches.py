@@ -83,7 +83,7 @@ def test_of_parts_as_large_as_each_other_a_patch_stands_on_the_first():
 def test_the_points_of_patches_lie_on_them():
     scene = closed_box((0.5, 0.5, 0.5))
     made = make_patches(scene, DirectLight(scene).emitters.near())
-    points, normals, shading = made.points()
+    points, normals, shading, _ = made.points()
     torch.testing.assert_close(shading, normals)  # where there are no others
     assert points.shape == normals.shape == (len(made.center), 3)
     torch.testing.assert_close(points.abs().amax(-1), torch.ones(len(points)), atol=1e-5, rtol=0)
@@ -95,11 +95,11 @@ def test_the_points_of_patches_lie_on_them():
 def test_patches_are_shaded_by_the_normals_of_corners_on_the_side_of_their_fronts():
     scene = floor_scene()
     scene.normals[:] = (0.6, 0, 0.8)
-    _, normals, shading = patches_of(scene).points()
+    _, normals, shading, _ = patches_of(scene).points()
     torch.testing.assert_close(shading * normals[..., 2:], torch.tensor([0.6, 0, 0.8]).expand_as(shading))
     scene = floor_scene()
     scene.normals[:] = (1, 0, -0.1)  # below the surface, from where no light can come
-    _, normals, shading = patches_of(scene).points()
+    _, normals, shading, _ = patches_of(scene).points()
     assert ((shading * normals).sum(-1) > 0.1).all()
 
 
