@@ -206,10 +206,12 @@ class GatherScene:
             mirrored = self._polished.mirror(origin, direction, hits, (roughness ** 4 / total).repeat_interleave(total))
             hits, along = mirrored.behind(hits, direction)
         piece = self._locator.find(hits.triangle, hits.weights)
-        side = self._sides(piece, along)
-        if matte is not None:
-            is_own = self._is_own_face(piece, direction, distance, normal.repeat_interleave(total, 0))
-            side = side.where(~is_own, 2 * self.count)
+        facing = self._facing.index_select(0, piece)
+        cosine = dot(facing, along)
+        side = self._sides(piece, cosine)
+        if matte is not None:  # rays into the face that they start from, right below them, carry nothing in Cycles
+            is_alike = (facing.view(-1, total, 3) @ normal[..., None]).flatten() * -cosine.sign() > ALIKE
+            side.masked_fill_(is_alike & ((distance * cosine).abs() < TOUCHING), 2 * self.count)
         tint, sky, fire, skies, highlights = torch.ones_like(distance)[:, None], distance.isinf(), None, None, None
         media = torch.zeros_like(position)
         weight = None if matte is None else matte.weights(piece, distance)
@@ -257,7 +259,7 @@ class GatherScene:
         Returns their numbers and the radiance of the sky, `row` (M,) and `light` (M, 3), with that of mirrored sky.
         """
         hits = self.surfaces[ray].nearest(glass.begin, glass.onward)
-        side[glass.mirroring] = self._sides(self._locator.find(hits.triangle, hits.weights), glass.onward)
+        side[glass.mirroring] = self.hit_sides(hits.triangle, hits.weights, glass.onward)
         tint[glass.mirroring] = glass.mirrored.expand(-1, tint.shape[1])
         if self.panes.environment is None:
             return row, light
@@ -270,22 +272,13 @@ class GatherScene:
 
         At weights (N, 2) of triangles (N,) of the geometry.
         """
-        return self._sides(self._locator.find(triangle, weights), direction)
+        piece = self._locator.find(triangle, weights)
+        return self._sides(piece, dot(self._facing.index_select(0, piece), direction))
 
-    def _is_own_face(self, piece: Tensor, direction: Tensor, distance: Tensor, normal: Tensor) -> Tensor:
-        """(N,) bool of rays (N, 3) that hit triangles (N,): of those right below points with shading normals (N, 3).
-
-        Such rays go into the surface that they start from, and carry nothing in Cycles.
-        """
-        facing = self._facing.index_select(0, piece)
-        height = distance * dot(facing, direction)
-        return (height.abs() < TOUCHING) & (dot(facing, normal) * -height.sign() > ALIKE)
-
-    def _sides(self, piece: Tensor, direction: Tensor) -> Tensor:
-        """The same for the triangles (N,) of patches."""
+    def _sides(self, piece: Tensor, cosine: Tensor) -> Tensor:
+        """The same for the triangles (N,) of patches, and the cosines (N,) of rays to their fronts' normals."""
         patch, count = self._seen[piece], self.count
-        is_back = dot(self._facing.index_select(0, piece), direction) > 0
-        return torch.where(patch < count, patch + count * is_back, 2 * count)
+        return torch.where(patch < count, patch + count * (cosine > 0), 2 * count)
 
 
 def _joined(seen: tuple[Tensor, Tensor] | None, more: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:

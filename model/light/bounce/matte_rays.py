@@ -29,14 +29,14 @@ class MatteRays:
         """At points (P, 3) with unit normals (P, 3); start: (P, 2) in [0, 1), which spreads the rays."""
         self.unaimed, self.start, self._normal, self._bright = rays, start, normal, bright
         guided = round(GUIDED * rays) if guide is not None else 0
-        self.plain, directions, self._rows = rays - guided, [], None
-        directions.append(cosine_directions(normal, self.plain, start))
+        self.plain, self._rows, self._target = rays - guided, None, None
+        directions = [cosine_directions(normal, self.plain, start)]
         if guided:
             self._guide, self._rows, start = guide, guide.rows(position, normal), (start + 0.5) % 1
             self._has_none = (self._rows == guide.none)[:, None]
-            directions.append(torch.where(self._has_none[..., None], cosine_directions(normal, guided, start),
-                                          guide.sample(self._rows, guided, start)))
-        self._target = None
+            directions.append(guide.sample(self._rows, guided, start))
+            others = self._has_none.nonzero()[:, 0]
+            directions[1][others] = cosine_directions(normal[others], guided, start[others])
         if aimed and bright is not None and bright.exist:
             aimed_direction, self._target = bright.sample(position + LIFT * normal, aimed, self.start)
             directions.append(aimed_direction)
