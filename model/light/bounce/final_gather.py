@@ -28,7 +28,7 @@ from .patches import Patches
 from .polished import PolishedMetal
 
 TOUCHING = 1e-3  # network units from a point to the plane of its own face, at most
-ALIKE = 0.3      # cosine between normals of a face and for shading, at least
+ALIKE = 0.5      # cosine between normals of a face and for shading, at least
 FOG_RAYS = 8  # of a point, along which in-scattering is computed
 
 
