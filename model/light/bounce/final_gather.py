@@ -214,7 +214,7 @@ class GatherScene:
             side.masked_fill_(is_alike & ((distance * cosine).abs() < TOUCHING), 2 * self.count)
         tint, sky, fire, skies, highlights = torch.ones_like(distance)[:, None], distance.isinf(), None, None, None
         media = torch.zeros_like(position)
-        weight = None if matte is None else matte.weights(piece, distance)
+        weight, of_unaimed = (None, None) if matte is None else matte.weights(piece, distance)
         if self.fog is not None:
             end = origin + distance.clamp(max=FOG_REACH)[:, None] * direction
             tint = self.fog.transmittance(origin, end)
@@ -246,11 +246,9 @@ class GatherScene:
         color = (tint / share[:, None].clamp_min(1e-9)).view(-1, total, 3) if tint.shape[1] == 3 else None
         sky = (sky[:, None] * tint).unflatten(0, (-1, total))[:, :rays]
         excess = None if self.lobes is None else self.lobes.excess(side, along.T).view(-1, total)
-        share = share.view(-1, total)
-        if weight is not None:
-            share, weight = share * weight, weight[:, :rays]
-        return Gathered(direction.view(-1, total, 3)[:, :rays], side.view(-1, total), share, sky, media, weight, fire,
-                        skies, highlights, color, excess)
+        side, share, direction = side.view(-1, total), share.view(-1, total), direction.view(-1, total, 3)[:, :rays]
+        share = share if weight is None else share * weight
+        return Gathered(direction, side, share, sky, media, of_unaimed, fire, skies, highlights, color, excess)
 
     def _mirrored_by(self, glass: BehindGlass, ray: Ray, side: Tensor, tint: Tensor, row: Tensor,
                      light: Tensor) -> tuple[Tensor, Tensor]:

@@ -42,10 +42,11 @@ class MatteRays:
             directions.append(aimed_direction)
         self.direction = torch.cat(directions, 1)
 
-    def weights(self, triangle: Tensor, distance: Tensor) -> Tensor:
+    def weights(self, triangle: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:
         """(P, R + A), with which the mean over all rays is that over rays with a density of the cosine.
 
-        triangle, distance: (P (R + A),) what they hit, as of BrightPatches.density_by_angle.
+        And (P, R), with which that over the rays that are not aimed is the same. triangle, distance: (P (R + A),) what
+        they hit, as of BrightPatches.density_by_angle.
         """
         count, rays = self.direction.shape[1], self.unaimed
         cosine = (self.direction @ self._normal[..., None])[..., 0].clamp_min(0) / math.pi
@@ -53,9 +54,10 @@ class MatteRays:
         if self._rows is not None:
             by_guide = self._guide.density(self._rows, self.direction)
             density = density + (rays - self.plain) * torch.where(self._has_none, cosine, by_guide)
+        unaimed = (rays * cosine / density.clamp_min(1e-9))[:, :rays]
         if self._target is None:
-            return count * cosine / density.clamp_min(1e-9)
+            return unaimed, unaimed
         by_aim = self._bright.density_by_angle(triangle, self.direction.flatten(0, 1), distance)
         weight = count * cosine / (density + (count - rays) * by_aim.view_as(cosine)).clamp_min(1e-9)
         weight[:, rays:] *= triangle.view_as(weight)[:, rays:] == self._target
-        return weight
+        return weight, unaimed

@@ -6,6 +6,7 @@ import pytest
 import torch
 from torch.nn import functional as F
 
+from renderformer_v2.model.light.bounce.bright_patches import BrightPatches
 from renderformer_v2.model.light.bounce.guide import BINS, Guide
 from renderformer_v2.model.light.bounce.matte_rays import MatteRays
 from renderformer_v2.model.light.sampling import cosine_directions, r2_starts
@@ -82,7 +83,7 @@ def test_the_sky_attracts_as_many_rays_as_all_surfaces_at_most():
 def test_weighted_rays_have_the_mean_of_rays_by_the_cosine(guide, plain):
     x, n = points()
     rays = MatteRays(x, n, r2_starts(torch.arange(POINTS)), 24, 0, None, None if plain else guide)
-    weight = rays.weights(*nothing_hit(rays))
+    weight, _ = rays.weights(*nothing_hit(rays))
     assert weight.mean() == pytest.approx(1, rel=0.02)
     assert (weight * lamp(rays.direction)).mean() == pytest.approx(float(SHARE), rel=0.05)
 
@@ -92,7 +93,7 @@ def test_guided_rays_are_less_noisy(guide):
     noise = []
     for some in (None, guide):
         rays = MatteRays(x, n, torch.rand(POINTS, 2, generator=torch.Generator().manual_seed(2)), 24, 0, None, some)
-        weight = rays.weights(*nothing_hit(rays))
+        weight, _ = rays.weights(*nothing_hit(rays))
         noise.append((weight * lamp(rays.direction)).mean(1).std())
     assert noise[1] < 0.6 * noise[0]
 
@@ -102,4 +103,16 @@ def test_where_no_light_arrives_rays_are_those_by_the_cosine():
     x, n = points(8)
     assert (dark.rows(x, n) == dark.none).all() and dark._share.shape == (1, BINS)
     rays = MatteRays(x, n, r2_starts(torch.arange(8)), 24, 0, None, dark)
-    assert torch.allclose(rays.weights(*nothing_hit(rays)), torch.ones(8, 24), atol=1e-4)
+    assert torch.allclose(rays.weights(*nothing_hit(rays))[1], torch.ones(8, 24), atol=1e-4)
+
+
+def test_rays_that_are_not_aimed_have_the_mean_of_the_cosine_among_themselves(guide):
+    """They find the sky, which no ray is aimed at: what is bright would count less among what hides it."""
+    corners = torch.tensor([[[-1.0, -1.0, 1.0], [1.0, -1.0, 1.0], [0.0, 1.0, 1.0]]])
+    bright = BrightPatches(corners, torch.tensor([True]), torch.tensor([0]), torch.tensor([1.0, 0.0]))
+    x, n = points()
+    rays = MatteRays(x, n, r2_starts(torch.arange(POINTS)), 24, 12, bright, guide)
+    count = rays.direction[..., 0].numel()
+    of_all, unaimed = rays.weights(torch.zeros(count, dtype=torch.long), torch.ones(count))
+    assert unaimed.shape == (POINTS, 24) and unaimed.mean() == pytest.approx(1, rel=0.02)
+    assert of_all[:, :24].mean() < 0.95
