@@ -54,12 +54,12 @@ class Subdivision:
         """(S, 3, C) at the corners of all pieces, of values (G, 3, C) at those of the triangles."""
         return np.concatenate([self._weights @ values[self.source], values[self.whole]])
 
-    def at_corners(self, function: Callable[[Tensor, Tensor], Tensor], values: Tensor) -> Tensor:
-        """(S, 3) function(values (C, 1, K), weights (C, 3, 3)) at the corners of pieces, of values (G, K) of triangles.
+    def at_corners(self, function: Callable[..., Tensor], *values: np.ndarray) -> Tensor:
+        """(S, 3) function(*values of triangles (C, ...), weights (C, 3, 3)) at the corners of pieces.
 
-        0 at those of whole ones.
+        Of values (G, ...) of triangles; 0 at the corners of whole ones.
         """
-        of_pieces = function(values[self.source][:, None], torch.from_numpy(self._weights))
+        of_pieces = function(*(torch.from_numpy(some[self.source]) for some in values), torch.from_numpy(self._weights))
         return F.pad(of_pieces, (0, 0, 0, len(self.whole)))
 
     def locator(self) -> PieceLocator:

@@ -10,7 +10,6 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ...geometry import area_vectors
 from ...scene import RenderScene
 from ...scene_rays import scene_rays
 from ...surface_kinds import SOLID, Ray
@@ -21,6 +20,7 @@ from .form_factors import cosines
 
 LEAST = 0.1  # cosine of the light to face and normal, below which rays start higher
 LOW = 2e-3   # network units: curved surfaces that are no higher above their faces are flat
+PIECE = 1 << 16  # triangles at a time
 APART = 0.02  # of the distance to the viewer, from a pixel's position to the face that a ray through its middle hits
 
 
@@ -48,17 +48,17 @@ def start_heights(direction: Tensor, face: Tensor, normal: Tensor) -> Tensor:
 class CurvedFaces:
     """The faces of a scene that stand for curved surfaces."""
 
-    def __init__(self, scene: RenderScene, of_edges: Tensor, device: torch.device):
-        self._rays, self._of_edges = TensorRays(scene_rays(scene).among(SOLID, Ray.CAMERA)), of_edges.to(device)
-        self._normals, vectors = (torch.from_numpy(x).to(device) for x in (
-            scene.surfaces.normals, area_vectors(scene.surfaces.triangles)))
-        self._face = F.normalize(vectors, dim=-1)
+    def __init__(self, scene: RenderScene, device: torch.device):
+        self._rays = TensorRays(scene_rays(scene).among(SOLID, Ray.CAMERA))
+        self._corners, self._normals = (torch.from_numpy(x).to(device) for x in (
+            scene.surfaces.triangles, scene.surfaces.normals))
 
     @classmethod
     def of(cls, scene: RenderScene, device: torch.device) -> CurvedFaces | None:
         """None if all are as good as flat."""
-        of_edges = edge_heights(*map(torch.from_numpy, (scene.surfaces.triangles, scene.surfaces.normals)))
-        return cls(scene, of_edges, device) if (of_edges > 4 * LOW).any() else None
+        surfaces = (torch.from_numpy(x).split(PIECE) for x in (scene.surfaces.triangles, scene.surfaces.normals))
+        is_curved = any((edge_heights(*some) > 4 * LOW).any() for some in zip(*surfaces, strict=True))
+        return cls(scene, device) if is_curved else None
 
     def at(self, surfaces: HitSurfaces) -> Tensor:
         """(h, W, 6) unit normals of faces at pixels, and the way up from there; 0 where there is nothing to climb."""
@@ -69,8 +69,10 @@ class CurvedFaces:
         hits = self._rays.nearest(origin, ray)
         triangle, distance = hits.triangle.clamp_min(0), hits.distance[:, None]
         weights = torch.cat([hits.weights, 1 - hits.weights.sum(1, keepdim=True)], 1)
-        face, height = self._face[triangle], heights(self._of_edges[triangle], weights).clamp_min(0)
-        normal = F.normalize((weights[..., None] * self._normals[triangle]).sum(1), dim=-1)
+        corners, normals = self._corners[triangle], self._normals[triangle]
+        face = F.normalize(torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), dim=-1)
+        height = heights(edge_heights(corners, normals), weights).clamp_min(0)
+        normal = F.normalize((weights[..., None] * normals).sum(1), dim=-1)
         is_there = length(origin + distance * ray - position) < APART * distance[:, 0]
         is_there &= (hits.triangle >= 0) & (dot(face, ray) < 0)
         result[shown] = torch.cat([face, (height * is_there)[:, None] * normal], 1)
