@@ -132,12 +132,8 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     weight = vector.norm(dim=-1) * torch.from_numpy(patch_density(center.numpy(), emitters)).float()
     return Patches(center, vector, *material.split([9, 2, 9, 2, 1, 3], 1), patch[torch.from_numpy(element)],
                    torch.from_numpy(corners), torch.from_numpy(subdivision.interpolated(scene.surfaces.normals)),
-                   subdivision.at_corners(_heights, scene.surfaces.triangles, scene.surfaces.normals),
+                   subdivision.heights(scene.surfaces.normals),
                    torch.from_numpy(solid), group_of_patch, weight, subdivision.locator())
-
-
-def _heights(corners: Tensor, normals: Tensor, weights: Tensor) -> Tensor:
-    return heights(edge_heights(corners, normals)[:, None], weights)
 
 
 def _sums(values: np.ndarray, group: np.ndarray) -> np.ndarray:

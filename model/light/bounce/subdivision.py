@@ -2,14 +2,13 @@
 """Triangles that are quartered again and again, and the piece that a point on one of them lies in."""
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
 from ...geometry import area_vectors, quartered
+from ..direct.terminator import edge_heights, heights
 
 CANDIDATES = 1 << 14  # triangles, the largest, that may be quartered
 DEEPEST = 8           # times
@@ -54,12 +53,10 @@ class Subdivision:
         """(S, 3, C) at the corners of all pieces, of values (G, 3, C) at those of the triangles."""
         return np.concatenate([self._weights @ values[self.source], values[self.whole]])
 
-    def at_corners(self, function: Callable[..., Tensor], *values: np.ndarray) -> Tensor:
-        """(S, 3) function(*values of triangles (C, ...), weights (C, 3, 3)) at the corners of pieces.
-
-        Of values (G, ...) of triangles; 0 at the corners of whole ones.
-        """
-        of_pieces = function(*(torch.from_numpy(some[self.source]) for some in values), torch.from_numpy(self._weights))
+    def heights(self, normals: np.ndarray) -> Tensor:
+        """(S, 3) of the curved surface that triangles with normals (G, 3, 3) stand for, above the corners of pieces."""
+        of_edges = edge_heights(*(torch.from_numpy(x[self.source]) for x in (self._triangles, normals)))
+        of_pieces = heights(of_edges[:, None], torch.from_numpy(self._weights))
         return F.pad(of_pieces, (0, 0, 0, len(self.whole)))
 
     def locator(self) -> PieceLocator:

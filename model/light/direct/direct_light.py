@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ...compute.threads import Once
 from ...progress import part
 from ...scene import ANY, RenderScene
 from ...scene_rays import scene_rays
@@ -75,8 +76,8 @@ class DirectLight:
             self.occluders = TensorRays(rays.among(OCCLUDING, Ray.SHADOW))
             self.cutouts = Cutouts.of(scene, Ray.SHADOW, device)
         self.emitters = EmitterLight(scene, self.fog, device, self.cutouts)
-        self.curved = CurvedFaces.of(scene, torch.device(device))
         self.device = self.emitters.radiance.device
+        self._scene, self._curved = scene, Once()
         with part(0.5, 1.0):
             self.sky = None
             if self.environment is not None:
@@ -87,6 +88,11 @@ class DirectLight:
     def bounces(self) -> set[int]:
         """Most bounces that the light of some emitter, or of the sky, has."""
         return self.emitters.bounces | {ANY}
+
+    @property
+    def curved(self) -> CurvedFaces | None:
+        """The faces that stand for curved surfaces, searched for when they are first asked for; None without any."""
+        return self._curved.get(lambda: (CurvedFaces.of(self._scene, self.device),))[0]
 
     def reaching(self, group: int | None = None,
                  bounces: Callable[[np.ndarray], np.ndarray] | None = None) -> DirectLight:

@@ -190,14 +190,16 @@ class EmitterLight:
         return _arriving(lobe * is_shown, self._visible(x[:, None], n, start, is_shown, direction), self._to_glossy)
 
     def _visible(self, origin: Tensor, n: Tensor, start: Tensor, is_lit: Tensor, direction: Tensor) -> Tensor:
-        """As `_trace_shadows`, by K rays of points with unit normals (P, 3); origin: (P, K or 1, 3 or 9), start: (P, K,
-        2)."""
-        total = 0
-        for begin, on_emitter in zip(origin.expand(-1, start.shape[1], -1).unbind(1), start.unbind(1), strict=True):
-            x, *curved = begin.split(3, 1)
-            raised = (start_heights(direction, curved[0], n), curved[1]) if curved else None
-            total = total + self._trace_shadows(x + LIFT * n, is_lit, direction, on_emitter, raised)
-        return total / start.shape[1]
+        """As `_trace_shadows`, by K rays of points with unit normals (P, 3); origin as of `visibility`, or (P, 1, ...),
+        start: (P, K, 2)."""
+        origin, *curved = origin.split(3, 2)
+        raised = None
+        if curved:  # of a point all rays have the same
+            face, up = (x[:, 0] for x in curved)
+            raised = start_heights(direction, face, n), up
+        rays = zip(origin.expand(-1, start.shape[1], -1).unbind(1), start.unbind(1), strict=True)
+        return sum(self._trace_shadows(x + LIFT * n, is_lit, direction, on_emitter, raised)
+                   for x, on_emitter in rays) / start.shape[1]
 
     def _trace_shadows(self, x: Tensor, is_lit: Tensor, direction: Tensor, start: Tensor,
                        raised: tuple[Tensor, Tensor] | None = None) -> Tensor:

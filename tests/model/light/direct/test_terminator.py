@@ -7,6 +7,7 @@ import pytest
 import torch
 from torch.nn import functional as F
 
+from renderformer_v2.model.compute.threads import Once
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
 from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.direct.terminator import CurvedFaces, edge_heights, heights, start_heights
@@ -59,7 +60,7 @@ def test_a_lamp_below_the_plane_of_a_curved_floor_lights_it_at_pixels_and_patche
     assert lit[right].mean() > 0.8 * unshadowed > 0
     assert lit[guides.position[..., 0] < -0.5].max() < 1e-3 * unshadowed
     assert radiosity.leaving.max() > 0.3 * unshadowed
-    direct.curved = None
+    direct._curved = Once((None,))
     dark = estimate_light(SceneLight(bent_floor(2.0), direct, radiosity), view, guides).direct[0, 0].mean(0).numpy()
     assert dark[right].mean() < 0.1 * unshadowed
 
