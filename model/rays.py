@@ -83,7 +83,7 @@ class EmbreeCaster:
         return Hits(hits["primID"], np.where(missed, np.float32(np.inf), hits["tfar"]), weights)
 
     def blocked(self, origin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> np.ndarray:
-        return self._scene.run(origin, direction, dists=distance, query="OCCLUDED") >= 0
+        return self._scene.run(origin, direction, dists=distance.clip(0), query="OCCLUDED") >= 0  # negative: all are
 
 
 def has_embree() -> bool:

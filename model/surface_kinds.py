@@ -48,7 +48,7 @@ SOLID = Kind.OPAQUE | Kind.UNSEEN                                # light ends th
 OCCLUDING = SOLID | BENDING                                      # no light passes straight; lamps shade nothing
 SHADING = OCCLUDING | Kind.EMITTER                               # what stops light that comes from elsewhere
 STRAIGHT_THROUGH = Kind.CUTOUT | Kind.UNSEEN_CUTOUT
-REFLECTING = SOLID | BENDING | STRAIGHT_THROUGH
+REFLECTING = SOLID | BENDING | STRAIGHT_THROUGH | Kind.EMITTER
 
 
 def token_kinds(scene: RenderScene) -> np.ndarray:

@@ -22,6 +22,7 @@ from ..network.inputs import (
     bring_lights_near,
     encode_light,
     material_tiles,
+    trained_tiles,
     volume_inputs,
 )
 from ..scene import RenderScene, Volumes
@@ -45,13 +46,14 @@ def guided_inputs(scene: RenderScene, config: ModelConfig, mapper=None,
     `material_tiles` maps later. direct: the scene's light, of which it is told what triangles send on, as if nothing
     were in the way of emitters and sky; not given where rays find that and more.
     """
-    tiles = F.adaptive_avg_pool2d(torch.from_numpy(scene.tiles).float(), tile_side(config))
+    tiles, tile_index = trained_tiles(scene)
+    tiles = F.adaptive_avg_pool2d(torch.from_numpy(tiles).float(), tile_side(config))
     light = encode_light(torch.from_numpy(scene.emission))
     is_light = (light > 0).any(dim=-1).numpy()  # the very faint ones are none for the network
     return GuidedInputs(
         triangles=torch.from_numpy(_contracted_corners(scene)), normals=torch.from_numpy(scene.normals),
         texture=tiles if mapper is None else material_tiles(tiles, mapper),
-        texture_index=torch.from_numpy(scene.tile_index).long(), light=light,
+        texture_index=torch.from_numpy(tile_index).long(), light=light,
         environment=_environment(scene.environment, panorama_size(config)), volumes=_volumes(scene.volumes),
         beam_axis=torch.from_numpy(scene.beam_axis[is_light]),
         beam_cosine=torch.from_numpy(scene.beam_cosine[is_light]),

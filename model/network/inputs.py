@@ -12,7 +12,7 @@ from torch import Tensor
 
 from ..camera import view_rays
 from ..fields import COLOR, DIRECTION, EULER, LENGTH, PANORAMA, POINT, array
-from ..scene import BASE_COLOR, HEIGHT, NORMAL, RenderScene, View, Volumes
+from ..scene import BASE_COLOR, HEIGHT, NORMAL, RenderScene, View, Volumes, constant_tile
 from ..tensor_group import TensorGroup
 
 
@@ -68,6 +68,7 @@ def encode_light(radiance: torch.Tensor) -> torch.Tensor:
     return torch.log10(radiance.float().clamp(min=0) + 1)
 
 
+LIGHT_TILE = constant_tile((1, 1, 1), roughness=1, ior=1)  # what every emitter was in training
 FARTHEST_LIGHT = 3.0  # network units; training lights are 2.1 to 2.7 away (docs/scene-input.md 1.2)
 
 
@@ -76,6 +77,12 @@ def bring_lights_near(scene: RenderScene) -> np.ndarray:
     distance = np.linalg.norm(scene.triangles.mean(axis=1), axis=1)
     shrink = np.where(scene.is_light, np.minimum(1, FARTHEST_LIGHT / np.maximum(distance, 1e-6)), 1)
     return (scene.triangles * shrink[:, None, None]).astype(np.float32)
+
+
+def trained_tiles(scene: RenderScene) -> tuple[np.ndarray, np.ndarray]:
+    """(T + 1, 11, 32, 32) tiles of a scene, and the row (N,) of each triangle: that of emitters is the last."""
+    tiles = np.concatenate([scene.tiles, LIGHT_TILE[None]])
+    return tiles, np.where(scene.is_light, len(scene.tiles), scene.tile_index)
 
 
 def material_tiles(pooled: Tensor, mapper) -> Tensor:

@@ -18,10 +18,11 @@ from ..network.inputs import (
     bring_lights_near,
     encode_light,
     material_tiles,
+    trained_tiles,
     volume_inputs,
 )
 from ..progress import part, report
-from ..scene import ENVIRONMENT_SHAPE, RenderScene, constant_tile
+from ..scene import ENVIRONMENT_SHAPE, RenderScene
 from .image_encoder import ImageEncoder
 from .latent_store import LatentStore
 from .processed_scene import ProcessedScene
@@ -29,7 +30,6 @@ from .v1_textures import BRDF, V1, fill_tiles
 
 CHUNK = 64       # tiles whose texels go through the mappers at once
 PREPARATION = 1  # to be raised when tiles or environments are prepared in another way: what is stored is old then
-LIGHT_TILE = constant_tile((1, 1, 1), roughness=1, ior=1)  # what every emitter was in training
 
 
 class SceneEncoder:
@@ -47,8 +47,8 @@ class SceneEncoder:
 
     def process(self, scene: RenderScene) -> ProcessedScene:
         """A normalised scene, without views."""
-        tiles = np.concatenate([scene.tiles, LIGHT_TILE[None]])
-        used, index = np.unique(np.where(scene.is_light, len(scene.tiles), scene.tile_index), return_inverse=True)
+        tiles, index = trained_tiles(scene)
+        used, index = np.unique(index, return_inverse=True)
         own_latents = np.concatenate([scene.tile_latents, np.zeros((1, LATENT_DIM), np.float32)])
         lobes = None if scene.two_lobes is None else np.concatenate([
             scene.two_lobes, np.zeros((1, *scene.two_lobes.shape[1:]), np.float16)])[used]

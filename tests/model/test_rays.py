@@ -57,6 +57,7 @@ def test_what_stands_within_a_distance_blocks():
     reach = rng.uniform(0, 1, len(origin))
     assert (Rays(triangles).blocked(origin, direction, reach) == (distance < reach)).mean() > 0.999
     assert (Rays(triangles).blocked(origin, direction) == np.isfinite(distance)).mean() > 0.999
+    assert not Rays(triangles).blocked(origin, direction, np.minimum(reach - 1, 0)).any()  # ends behind their start
 
 
 def test_lengths_are_those_of_the_direction_and_both_sides_are_met():

@@ -17,6 +17,7 @@ from renderformer_v2.model.surface_kinds import (
     REFLECTING,
     SEEN,
     SOLID,
+    STRAIGHT_THROUGH,
     Kind,
     Ray,
     token_kinds,
@@ -47,7 +48,7 @@ def layers() -> RenderScene:
 
 @pytest.mark.parametrize("kinds, height", [
     (ALL, 7), (SEEN, 4), (SOLID, 7), (BENDING, 2), (OCCLUDING & ~Kind.UNSEEN, 2), (Kind.LAMP, 5), (Kind.BACK, 6),
-    (REFLECTING & ~Kind.UNSEEN, 3), (Kind.OPAQUE | Kind.EMITTER, 4)])
+    (REFLECTING & ~Kind.UNSEEN, 4), (OCCLUDING | STRAIGHT_THROUGH, 7), (Kind.OPAQUE | Kind.EMITTER, 4)])
 def test_rays_meet_the_first_surface_of_the_kinds_that_they_ask_for(kinds, height):
     rays = scene_rays(layers()).among(kinds, Ray.CAMERA)
     hits = rays.closest(np.float32([(0.3, 0.1, 10)]), DOWN)

@@ -141,7 +141,7 @@ class GatherScene:
         device, rays = direct.device, scene_rays(scene)
         self.count = len(patches.center)
         self._facing = F.pad(F.normalize(patches.facing, dim=-1), (0, 0, 0, 1)).to(device)  # of triangles
-        # The row behind all patches stands for "nothing", and for emitters, whose light is no indirect one.
+        # The row behind all patches stands for "nothing".
         self.patch = F.pad(patches.patch, (0, 1), value=self.count).to(device)
         self._refracts = scene.has_caustics["refractive"]
         seen = patches.patch if self._refracts else patches.patch.where(patches.solid, self.count)

@@ -28,12 +28,12 @@ def group_elements(corners: np.ndarray, token: np.ndarray, density: np.ndarray) 
     return groups_of(key, np.linalg.norm(vector, axis=1))
 
 
-def group_patches(center: np.ndarray, vector: np.ndarray, glass: np.ndarray, openness: np.ndarray, surface: np.ndarray,
+def group_patches(center: np.ndarray, vector: np.ndarray, kind: np.ndarray, openness: np.ndarray, surface: np.ndarray,
                   density: np.ndarray, most: int) -> tuple[np.ndarray, int]:
     """The group (E,) of each element, and how many groups there are: `most` or fewer, of the finest cells.
 
     Elements with centres and area vectors (E, 3) are together in cells, by density (E,) as above, if they face alike
-    and all or none are glass (E,). What stands on a thin floor is no group with its underside, and walls are in no
+    and are of the same kind (E,). What stands on a thin floor is no group with its underside, and walls are in no
     group with both sides: different surfaces (E,), or parts of one with different openness (E,), are together only if
     the surfaces are crumbs. An element's group depends only on its own surface, position and side: light does not
     flicker when another moves.
@@ -41,7 +41,7 @@ def group_patches(center: np.ndarray, vector: np.ndarray, glass: np.ndarray, ope
     level, facing = _level(density), facing_side(vector)
     cell, crumbs = FINEST, float(CRUMBS)
     while True:
-        shared = group_key(glass, facing, level, *cell_index(center, cell * 2 ** (level / 2)))
+        shared = group_key(kind, facing, level, *cell_index(center, cell * 2 ** (level / 2)))
         own = group_key(shared, openness, surface)
         first = np.unique(own, return_index=True)[1]
         is_crumb = np.bincount(surface[first])[surface] < crumbs

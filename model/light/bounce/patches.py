@@ -18,7 +18,7 @@ from ...geometry import area_vectors, surfaces
 from ...material.reflectance import blurred, normal_reflectance
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
 from ...scene_rays import scene_rays
-from ...surface_kinds import BENDING, BOUNCED, REFLECTING, SOLID, STRAIGHT_THROUGH, clear_tiles, is_kind
+from ...surface_kinds import BENDING, BOUNCED, REFLECTING, SOLID, STRAIGHT_THROUGH, Kind, clear_tiles, is_kind
 from ..direct.emitter_light import NearEmitters
 from ..direct.terminator import edge_heights, heights
 from ..fresnel import layer_albedo
@@ -41,7 +41,7 @@ CUT = 0.5            # triangles that may be added where walls cut through other
 
 @dataclass
 class Patches:
-    """S patches of all surfaces that do not emit, and the T triangles that these were split into."""
+    """S patches of all surfaces that reflect light, and the T triangles that these were split into."""
 
     center: Tensor   # (S, 3) f32
     vector: Tensor   # (S, 3) f32, area vectors
@@ -107,29 +107,37 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     there may be half as many more."""
     most = round(share * PATCHES)
     kinds = scene_rays(scene).trees.kinds
-    subdivision = Subdivision(scene.surfaces.triangles, scene_rays(scene).rows(REFLECTING, BOUNCED))
-    _split(subdivision, emitters, most)
+    means, translucence = _solid_means(scene)
+    material = np.concatenate([tile_albedo(means), _layer(means)], axis=1)
+    shines = is_kind(kinds, Kind.EMITTER)
+    rows = scene_rays(scene).rows(REFLECTING, BOUNCED)
+    is_black = ~material[:, :9].any(axis=1)[scene.tile_index[scene.surfaces.token[rows]]]
+    subdivision = Subdivision(scene.surfaces.triangles, rows[~(shines[rows] & is_black)])
+    _split(subdivision, emitters, shines, most)
     if openness:
         openness.cut(subdivision, round(CUT * most))
         most += round(CUT * most)
     corners, source = subdivision.pieces()
     token = scene.surfaces.token[source]
-    means, translucence = _solid_means(scene)
-    material = np.concatenate([tile_albedo(means), _layer(means)], axis=1)
     material = np.concatenate([material[scene.tile_index], material[scene.tile_behind],
                                translucence[scene.tile_index][:, None], scene.surface_glow], axis=1)
-    element, largest = group_elements(corners, token, patch_density(scene.triangles.mean(axis=1), emitters))
+    density = patch_density(scene.triangles.mean(axis=1), emitters, scene.is_light)
+    element, largest = group_elements(corners, token, density)
     vector = _sums(area_vectors(corners), element)
     center, token = corners[largest].mean(axis=1), token[largest]
-    solid, glass = (is_kind(kinds[source], some) for some in (SOLID | STRAIGHT_THROUGH, BENDING))
+    solid, glass = (is_kind(kinds[source], some) for some in (SOLID | STRAIGHT_THROUGH | Kind.EMITTER, BENDING))
     is_open = openness.kinds(corners[largest]) if openness and len(center) > most else np.zeros(len(center), np.int64)
     group = scene.seldom("group")[token]
     apart = is_open + (is_open.max(initial=0) + 1) * group  # no patch is of two groups
+    shines = shines[source][largest]
+    density = patch_density(center, emitters, shines)
+    alike = glass[largest] + 2 * shines
     center, vector, material, patch = _merge(*map(torch.from_numpy, (
-        center, vector, material[token], glass[largest], apart, surfaces(scene.triangles)[token])), emitters, most)
-    group_of_patch = np.zeros(len(center), np.uint8)
-    group_of_patch[patch.numpy()] = group
-    weight = vector.norm(dim=-1) * torch.from_numpy(patch_density(center.numpy(), emitters)).float()
+        center, vector, material[token], alike, apart, surfaces(scene.triangles)[token])), density, most)
+    group_of_patch, patch_shines = np.zeros(len(center), np.uint8), np.zeros(len(center), bool)
+    group_of_patch[patch.numpy()], patch_shines[patch.numpy()] = group, shines
+    density = patch_density(center.numpy(), emitters, patch_shines)
+    weight = vector.norm(dim=-1) * torch.from_numpy(density).float()
     return Patches(center, vector, *material.split([9, 2, 9, 2, 1, 3], 1), patch[torch.from_numpy(element)],
                    torch.from_numpy(corners), torch.from_numpy(subdivision.interpolated(scene.surfaces.normals)),
                    subdivision.heights(scene.surfaces.normals),
@@ -170,35 +178,38 @@ def _layer(means: np.ndarray) -> np.ndarray:
     return np.stack([normal_reflectance(means[:, IOR].clip(1)), blurred(means[:, ROUGHNESS])], axis=1)
 
 
-def _split(subdivision: Subdivision, emitters: NearEmitters, most: int) -> None:
+def _split(subdivision: Subdivision, emitters: NearEmitters, shines: np.ndarray, most: int) -> None:
     """Quarter the triangles that look largest: a large patch would light points close to it wrongly.
 
     There are `most` triangles then, or `most` / 2 more than before if that is more, which leaves room for walls beside
-    fine meshes that are merged afterwards.
+    fine meshes that are merged afterwards. shines: (G,) bool, triangles that are emitters themselves.
     """
     count = len(subdivision.corners)
     target = max(most, count + most // 2) if count else 0
-    size = _apparent_size(subdivision.corners, emitters)
+    size = _apparent_size(subdivision.corners, emitters, shines[subdivision.source])
     while room := (target - len(size)) // 3:
         order = np.argsort(-size, kind="stable")
         large = order[:min(room, SPLIT_AT_ONCE, np.count_nonzero(size > size.max() / 4))]
         fresh = subdivision.quarter(large)
         if not len(fresh):
             break
-        size = np.concatenate([np.delete(size, large), _apparent_size(subdivision.corners[fresh], emitters)])
+        of_fresh = _apparent_size(subdivision.corners[fresh], emitters, shines[subdivision.source[fresh]])
+        size = np.concatenate([np.delete(size, large), of_fresh])
         size[subdivision.is_deepest] = 0
 
 
-def _apparent_size(corners: np.ndarray, emitters: NearEmitters) -> np.ndarray:
+def _apparent_size(corners: np.ndarray, emitters: NearEmitters, shines: np.ndarray) -> np.ndarray:
     """(S,) share of all patches that triangles (S, 3, 3) should get."""
     area = np.linalg.norm(area_vectors(corners), axis=1)
-    return area * patch_density(corners.mean(axis=1), emitters, np.sqrt(area))
+    return area * patch_density(corners.mean(axis=1), emitters, shines, np.sqrt(area))
 
 
-def patch_density(position: np.ndarray, emitters: NearEmitters, size: np.ndarray | float = 0.0) -> np.ndarray:
+def patch_density(position: np.ndarray, emitters: NearEmitters, shines: np.ndarray,
+                  size: np.ndarray | float = 0.0) -> np.ndarray:
     """(S,) share of all patches that a unit of area gets at positions (S, 3): its solid angle / 4 pi.
 
-    As seen from the scene's middle and from emitters. Surfaces of a `size` (S,) reach nearer by as much.
+    As seen from the scene's middle and from emitters, unless it shines (S,) itself. Surfaces of a `size` (S,) reach
+    nearer by as much.
     """
     def solid_angle(distance: np.ndarray, nearest: float) -> np.ndarray:
         return 1 / (4 * np.pi * (distance - size).clip(nearest) ** 2)
@@ -208,19 +219,18 @@ def patch_density(position: np.ndarray, emitters: NearEmitters, size: np.ndarray
         return from_middle
     from_emitters = sum(share * solid_angle(np.linalg.norm(position - at, axis=1), NEAR_EMITTER)
                         for at, share in zip(*emitters, strict=True))
-    return (1 - BY_EMITTERS) * from_middle + BY_EMITTERS * from_emitters
+    return (1 - BY_EMITTERS) * from_middle + BY_EMITTERS * np.where(shines, 0, from_emitters)
 
 
-def _merge(center: Tensor, vector: Tensor, material: Tensor, glass: Tensor, openness: Tensor, surface: Tensor,
-           emitters: NearEmitters, most: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+def _merge(center: Tensor, vector: Tensor, material: Tensor, kind: Tensor, openness: Tensor, surface: Tensor,
+           density: np.ndarray, most: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Centre, area vector and material of groups of elements, as of `group_patches`.
 
     The centre is that of the largest element of a group. Also returns the group of each of the (E,) elements.
     """
     if len(center) <= most:
         return center, vector, material, torch.arange(len(center))
-    density = patch_density(center.numpy(), emitters)
-    group, count = group_patches(*(x.numpy() for x in (center, vector, glass, openness, surface)), density, most)
+    group, count = group_patches(*(x.numpy() for x in (center, vector, kind, openness, surface)), density, most)
     group = torch.from_numpy(group)
     area = vector.norm(dim=-1, keepdim=True)
 

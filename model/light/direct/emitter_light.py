@@ -26,7 +26,7 @@ from ..media.transmittance import Fog
 from ..sampling import R2, disk_points, hashed_starts, local_basis, triangle_weights
 from ..tensor_rays import TensorRays
 from ..vectors import dot, length, unit
-from .emitters import DISTANT, Limits, gather_emitters
+from .emitters import DISTANT, ROUND, Limits, gather_emitters
 from .environment_light import LIFT
 from .footprints import mirrored_turn2, points_within
 from .form_factors import (
@@ -47,6 +47,7 @@ END_GAP = 4e-3   # network units before an emitter at which a shadow ray ends
 # Squared turn of what a pixel mirrors over that of what facets do, from which on it is sampled finely; and squared size
 # of an emitter over the same turn, up to which
 FINE, LARGE = 1.0, 100.0
+BENEATH = -0.3   # cosine to the middle of a round body, at most, of points on it
 PAIRS = 1 << 14  # of points and emitters, whose outlines are integrated over at a time
 STRONGEST = 3    # emitters that `strongest` finds
 DIM = 0.02       # of the brightest highlight at a point, below which others are left out
@@ -83,10 +84,10 @@ class EmitterLight:
         self.fog, self._cutouts = fog, cutouts
         self._fan = to_tensor(fans(emitters.corners))
         self._outward = F.pad(to_tensor(emitters.outward), (0, 0, 0, len(emitters.radii)))
-        self._shells = None
-        if emitters.outward.any():
-            self._shells = TensorRays(scene_rays(scene).among(Kind.EMITTER, Ray.SHADOW))
         self._limits = Limits(*(values[emitters.kind] for values in Limits.of(scene)[0]))
+        self._is_seen, self._shells = torch.as_tensor(self._limits.is_lamp == 0, device=device), None
+        if self._is_seen.sum() > 1:
+            self._shells = TensorRays(scene_rays(scene).among(Kind.EMITTER, Ray.SHADOW))
         self._occluders, self._occluder = _occluders(scene, self._limits, device)
         self._divide()
 
@@ -149,7 +150,7 @@ class EmitterLight:
         one, of_all, polygons = copy.copy(self), slice(row, row + 1), len(self.corners)
         of_polygons, of_spheres = of_all, slice(max(row - polygons, 0), max(row - polygons + 1, 0))
         for names, rows in ((("corners", "rings", "_fan"), of_polygons), (("centers", "radii"), of_spheres),
-                            (("origins", "reach", "is_distant", "radiance", "beam_axis", "beam_cosine", "_outward",
+                            (("origins", "reach", "is_distant", "radiance", "beam_axis", "beam_cosine", "_outward", "_is_seen",
                               "_occluder"), of_all)):
             for name in names:
                 setattr(one, name, getattr(self, name)[rows])
@@ -166,7 +167,7 @@ class EmitterLight:
         surface there (terminator.py), (P, K, 9). The last (P, 1) is how far rays to one emitter disagree: 0 where all
         or none arrive, 1 where half do.
         """
-        direction, sine2, in_beam = self._directions(x)
+        direction, sine2, in_beam = self._directions(x, n)
         cosine = cosines(direction, n)
         lobes = [sphere_form_factor(cosine, sine2) * in_beam]
         if gloss:
@@ -183,7 +184,7 @@ class EmitterLight:
 
         Arguments as of `visibility`; shadow rays go to the emitters alone that the lobe of a point shows.
         """
-        direction, sine2, in_beam = self._directions(x)
+        direction, sine2, in_beam = self._directions(x, n)
         lobe = self._glossy(x, n, direction, sine2, *gloss) * in_beam
         power = lobe * self._to_glossy.mean(1)
         is_shown = power > DIM * power.amax(1, keepdim=True)
@@ -198,28 +199,32 @@ class EmitterLight:
             face, up = (x[:, 0] for x in curved)
             raised = start_heights(direction, face, n), up
         rays = zip(origin.expand(-1, start.shape[1], -1).unbind(1), start.unbind(1), strict=True)
-        return sum(self._trace_shadows(x + LIFT * n, is_lit, direction, on_emitter, raised)
+        return sum(self._trace_shadows(x + LIFT * n, is_lit, direction, on_emitter, n, raised)
                    for x, on_emitter in rays) / start.shape[1]
 
-    def _trace_shadows(self, x: Tensor, is_lit: Tensor, direction: Tensor, start: Tensor,
+    def _trace_shadows(self, x: Tensor, is_lit: Tensor, direction: Tensor, start: Tensor, n: Tensor | None = None,
                        raised: tuple[Tensor, Tensor] | None = None) -> Tensor:
         """(P, E, 1) or (P, E, 3) share of each emitter's light that arrives at points (P, 3) by one ray.
 
         Where `is_lit` (P, E). direction: (3, P, E), to the emitters; start: (P, 2), where on them the rays end.
-        raised: a share (P, E) of a way (P, 3) from the points, at which rays start.
+        n: (P, 3) unit normals, below whose horizon no ray goes; raised: a share (P, E) of a way (P, 3) from the points,
+        at which rays start.
         """
         point, emitter = is_lit.nonzero().unbind(1)
         origin, is_near = x[point], ~self.is_distant[emitter, None]
         if raised is not None:
             origin = origin + raised[0][point, emitter, None] * raised[1][point]
         ray = self._points_on(emitter, direction[:, point, emitter].T, start[point]) - origin * is_near
+        if n is not None:
+            ray = _above_horizon(ray, self.origins[emitter] - origin * is_near, n[point])
         distance = length(ray)
         ray, end = ray / distance.clamp_min(1e-9)[:, None], distance - END_GAP
         is_blocked = self._is_blocked(emitter, origin, ray, end)
         if self._shells is not None:
-            inside = (~is_blocked & (dot(self._outward[emitter], ray) > 0)).nonzero()[:, 0]
-            is_blocked[inside] = self._shells.is_blocked(
-                *(rays[inside] for rays in (origin, ray, distance - self.reach[emitter])))
+            faces = self._is_seen[emitter] & (dot(self._outward[emitter], ray) >= 0)
+            others = (~is_blocked & faces).nonzero()[:, 0]
+            is_blocked[others] = self._shells.is_blocked(
+                *(rays[others] for rays in (origin, ray, distance - ROUND * self.reach[emitter])))
         arrives = 1.0 * ~is_blocked[:, None]
         if self._cutouts is not None:
             arrives = arrives * self._cutouts.transmittance(origin, ray, end * arrives[:, 0])
@@ -295,7 +300,7 @@ class EmitterLight:
         result = x.new_zeros(len(x), STRONGEST, len(EMITTER))
         if not len(self):
             return result
-        direction, sine2, in_beam = self._directions(x)
+        direction, sine2, in_beam = self._directions(x, n)
         form_factor = sphere_form_factor(cosines(direction, n), sine2) * in_beam
         power, emitter = (form_factor * self._to_diffuse.mean(1)).topk(min(STRONGEST, len(self)), dim=1)
         point = torch.arange(len(x), device=x.device)[:, None]
@@ -311,7 +316,7 @@ class EmitterLight:
 
     def sheen(self, x: Tensor, n: Tensor, stretch: Tensor) -> tuple[Tensor, Tensor]:
         """Unshadowed radiance (P, 3) leaving a white diffuse surface and a white sheen of such a stretch (P,)."""
-        direction, sine2, in_beam = self._directions(x)
+        direction, sine2, in_beam = self._directions(x, n)
         cosine = cosines(direction, n)
         of_diffuse, of_sheen = sphere_form_factor(cosine, sine2), sheen_form_factor(cosine, sine2, stretch[:, None])
         return (of_diffuse * in_beam) @ self._to_diffuse, (of_sheen * in_beam) @ self._to_diffuse
@@ -323,7 +328,7 @@ class EmitterLight:
         """
         if not len(self):
             return torch.zeros_like(x), torch.zeros_like(x)
-        direction, sine2, in_beam = self._directions(x)
+        direction, sine2, in_beam = self._directions(x, n)
         cosine = cosines(direction, n)
         diffuse = sphere_form_factor(cosine, sine2) * in_beam
         glossy = self._glossy(x, n, direction, sine2, *gloss) * in_beam
@@ -406,17 +411,25 @@ class EmitterLight:
 
     def _form_factors(self, x: Tensor, n: Tensor) -> tuple[Tensor, Tensor]:
         """Unit direction (3, P, E) to every emitter, and the share of its radiance that a diffuse surface sends on."""
-        direction, sine2, in_beam = self._directions(x)
+        direction, sine2, in_beam = self._directions(x, n)
         return direction, sphere_form_factor(cosines(direction, n), sine2) * in_beam
 
-    def _directions(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Unit direction (3, P, E) to every emitter, its squared angular sine and its beam's share of radiance."""
+    def _directions(self, x: Tensor, n: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor]:
+        """Unit direction (3, P, E) to every emitter, its squared angular sine and its beam's share of radiance.
+
+        With unit normals n (P, 3) none of a round body on which a point lies: the sphere that stands for it is above
+        some of its faces.
+        """
         x = x.T[..., None] * ~self.is_distant  # light of suns is parallel
         polygons = len(self.corners)
         of_polygons = polygon_directions(self.corners, x[..., :polygons])
         of_spheres = sphere_directions(self.centers, self.radii, x[..., polygons:])
         direction, sine2 = (torch.cat(both, -1) for both in zip(of_polygons, of_spheres, strict=True))
-        return direction, sine2.clamp(0, MOST_SINE2), beam(direction, sine2, self.beam_axis, self.beam_cosine)
+        in_beam = beam(direction, sine2, self.beam_axis, self.beam_cosine)
+        if n is not None and self._is_seen[polygons:].any():
+            is_near = self._is_seen[polygons:] & (sine2[:, polygons:] > ROUND ** -2)
+            in_beam[:, polygons:] *= ~(is_near & (cosines(direction[..., polygons:], n) < BENEATH))
+        return direction, sine2.clamp(0, MOST_SINE2), in_beam
 
 
 def _occluders(scene: RenderScene, limits: Limits, device: torch.device | str) -> tuple[list[TensorRays], Tensor]:
@@ -435,3 +448,12 @@ def _arriving(weight: Tensor, visible: Tensor, radiance: Tensor) -> Tensor:
     if visible.shape[2] == 1:
         return (weight * visible[..., 0]) @ radiance
     return torch.einsum("pe,pec,ec->pc", weight, visible, radiance)
+
+
+def _above_horizon(ray: Tensor, middle: Tensor, n: Tensor) -> Tensor:
+    """Vectors (R, 3) to emitters, those below the horizon of unit normals (R, 3) mirrored at their middle (R, 3).
+
+    Form factors are of what is above it alone, and so is what is visible of that.
+    """
+    ray = torch.where(dot(ray, n)[:, None] < 0, 2 * middle - ray, ray)
+    return ray - dot(ray, n).clamp(max=0)[:, None] * n

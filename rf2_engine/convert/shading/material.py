@@ -51,7 +51,6 @@ NO_LATENT = (0.0,) * 9
 # Of a tile (model/scene.py)
 BESIDE = Channels(1, translucent=1, fibre=1, clear=3, sheen=len(SHEEN), coat=len(COAT), guessed=1)
 OPAQUE = np.zeros(len(BESIDE), np.float32)
-EMITTER_TILE = constant_tile(base_color=(1, 1, 1), roughness=1, ior=1)
 
 
 class MaterialTiles:
@@ -115,7 +114,7 @@ class MaterialTiles:
             return np.zeros(0, np.int32), emission
         if material is None:
             return np.full(n, self.constant_index(constant_tile()), np.int32), emission
-        index, nothing, reflects = np.empty(n, np.int32), np.zeros(n, bool), False
+        index, nothing = np.empty(n, np.int32), np.zeros(n, bool)
         chunk = BAKED_CHUNK if self.baker else CHUNK
         for start in range(0, n, chunk):
             part = slice(start, min(start + chunk, n))
@@ -132,7 +131,6 @@ class MaterialTiles:
             own = None if lobes is None else lobe_arrays(lobes, len(tiles))
             if own is not None and len(own) > len(tiles):  # only what the surface is made of in between is the same
                 tiles = np.repeat(tiles, len(own), axis=0)
-            reflects |= surface.base_color.any()
             nothing[part] = straight.mean(axis=-1) > clear
             if not is_homogeneous(surface):
                 self._varying.add(material)
@@ -146,12 +144,6 @@ class MaterialTiles:
                 index[part] = np.arange(self._count, self._count + len(tiles))
                 self._append(tiles, material.latent, own, beside)
         emission[_is_negligible(emission.max(axis=1), areas(mesh.corners))] = 0
-        emitters = emission.max(axis=1) >= EMITTER_RADIANCE
-        if emitters.any():
-            index[emitters] = self.constant_index(EMITTER_TILE)
-            if reflects:
-                self.report.approximated(material.name, "where it emits light, it reflects like a white diffuse "
-                                                        "surface")
         index[nothing & ~emission.any(axis=1)] = -1
         return index, emission
 

@@ -55,8 +55,14 @@ def test_pixels_are_channels_of_light(network, inputs, view):
 
 def test_inputs_without_a_mapper_hold_the_parameters(network):
     parameters = guided_inputs(floor_scene(), network.config).texture
-    assert parameters.shape == (1, 11, 8, 8)
     torch.testing.assert_close(parameters[0, :3, 0, 0], torch.tensor([0.8, 0.5, 0.2]), atol=1e-3, rtol=0)
+
+
+def test_emitters_look_to_the_network_as_in_training_whatever_they_reflect(network):
+    scene = floor_scene()
+    inputs = guided_inputs(scene, network.config)
+    of_triangles = inputs.texture[inputs.texture_index]
+    assert (of_triangles[scene.is_light, :3] == 1).all() and (of_triangles[~scene.is_light, :3] < 1).all()
 
 
 def test_the_bundled_weights_are_of_the_whole_network_and_small():

@@ -348,3 +348,16 @@ def test_rays_into_the_face_that_they_start_from_carry_nothing():
     bright = with_leaving(bounce, torch.ones(len(bounce.leaving), 1))
     leaning = torch.tensor([[0.8, 0.0, 0.6]])
     assert bright.diffuse(torch.tensor([[0.1, 0.2, 3e-4]]), leaning).indirect.max() < 1e-6
+
+
+def test_what_shines_sends_on_the_light_that_falls_on_it():
+    """Like any surface of its colour: a plate beneath a lamp, whose own light is no indirect one."""
+    def gathered(color, radiance: float) -> torch.Tensor:
+        plate = roof(color)
+        plate.emission[:] = radiance
+        return arriving(built(floor_scene().appended(plate)), [[0.0, 0.0, 0.6]], -UP)
+
+    grey, shining, black = gathered((0.6, 0.6, 0.6), 0), gathered((0.6, 0.6, 0.6), 1e-3), gathered((0, 0, 0), 1e-3)
+    assert grey.min() > 0.03
+    torch.testing.assert_close(shining, grey, rtol=0.05, atol=0)
+    assert black.max() < 0.3 * grey.min()

@@ -51,9 +51,8 @@ def test_an_open_sky_is_whole_and_a_wall_hides_half_of_it():
     assert beside.mean().item() == pytest.approx(0.5, abs=0.1)
 
 
-@pytest.mark.parametrize(("is_lamp", "transmission", "arrives"), [(True, 0, 0), (False, 0, 1), (True, 1, 1)])
-def test_what_shines_shades_lamps_unless_it_is_a_flame(is_lamp, transmission, arrives):
-    """Surfaces that shine do not shade each other: parts of one lamp shade no others."""
+@pytest.mark.parametrize(("is_lamp", "transmission", "arrives"), [(True, 0, 0), (False, 0, 0), (True, 1, 1), (False, 1, 1)])
+def test_what_shines_shades_other_light_unless_it_is_a_flame(is_lamp, transmission, arrives):
     scene = floor_scene()
     scene = replace(scene, seen=~(scene.is_light & is_lamp))
     plate = under_a_sky(SQUARE * 0.3 + np.float32((0, 0, 1)))
@@ -133,3 +132,23 @@ def test_panes_that_bend_no_shadow_rays_dim_lamps_and_sky_by_their_colours(panes
     found = DirectLight(scene).visibility(torch.zeros(1, 3), UP, sky_rays=256)
     for visible in found.sky, found.emitters:
         np.testing.assert_allclose(visible[0], tint ** panes, atol=0.02)
+
+
+def test_what_is_below_the_horizon_of_a_point_is_not_in_its_shadow():
+    """Form factors leave it out already: a lamp sunk into a floor would be as dark again."""
+    scene = floor_scene()
+    scene.triangles[-1] = [(0.5, -0.1, -0.1), (0.5, 0, 0.2), (0.5, 0.1, -0.1)]
+    points = torch.rand(100, 3, generator=torch.Generator().manual_seed(0)) * torch.tensor([0.4, 0.4, 0.0])
+    assert DirectLight(scene).visibility(points, UP.expand(100, 3)).emitters.min() == 1
+
+
+def test_a_round_body_does_not_light_itself():
+    """A cube is a sphere in closed form, which is above the middle of its faces."""
+    outwards = np.stack([side if i % 2 else side[:, ::-1] for i, side in enumerate(BOX.reshape(6, 2, 3, 3))])
+    cube = replace(under_a_sky(0.1 * outwards.reshape(-1, 3, 3)), emission=np.full((12, 3), 10, np.float32))
+    scene = cube.appended(under_a_sky(SQUARE - np.float32((0, 0, 0.2))))
+    direct = DirectLight(scene)
+    assert len(gather_emitters(scene).radii) == 1
+    face, side = torch.tensor([[0.0, 0.0, 0.1], [0.09, 0.09, 0.1], [0.08, -0.09, 0.1]]), UP.expand(3, 3)
+    assert direct.emitters.diffuse(face, side)[0].max() == 0
+    assert direct.emitters.diffuse(torch.tensor([[0.0, 0.0, -0.2]]), UP)[0].min() > 0.5

@@ -33,8 +33,6 @@ def hair(parametrization):
 @pytest.mark.parametrize("make, message", [
     (lambda: mixed("BsdfDiffuse", "BsdfGlossy"), "replaced by one"),
     (lambda: mixed("BsdfDiffuse", "BsdfGlass", "ShaderNodeAddShader"), "replaced by one"),
-    (lambda: mixed("BsdfDiffuse", "Emission", "ShaderNodeAddShader"), "reflects like"),
-    (lambda: material("ShaderNodeBsdfPrincipled", Emission_Strength=5.0)[0], "reflects like"),
     (lambda: material("ShaderNodeBsdfPrincipled", Diffuse_Roughness=0.5)[0], "diffuse roughness"),
     (lambda: material("ShaderNodeBsdfDiffuse", Roughness=0.5)[0], "diffuse roughness"),
     (lambda: material(Coat_Weight=0.5)[0], "coat"), (lambda: material(Sheen_Weight=0.5)[0], "sheen"),
