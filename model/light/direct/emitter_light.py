@@ -150,8 +150,8 @@ class EmitterLight:
         one, of_all, polygons = copy.copy(self), slice(row, row + 1), len(self.corners)
         of_polygons, of_spheres = of_all, slice(max(row - polygons, 0), max(row - polygons + 1, 0))
         for names, rows in ((("corners", "rings", "_fan"), of_polygons), (("centers", "radii"), of_spheres),
-                            (("origins", "reach", "is_distant", "radiance", "beam_axis", "beam_cosine", "_outward", "_is_seen",
-                              "_occluder"), of_all)):
+                            (("origins", "reach", "is_distant", "radiance", "beam_axis", "beam_cosine", "_outward",
+                              "_is_seen", "_occluder"), of_all)):
             for name in names:
                 setattr(one, name, getattr(self, name)[rows])
         one._limits = Limits(*(values[of_all] for values in self._limits))
