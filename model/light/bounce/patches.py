@@ -36,6 +36,7 @@ TRANSMITTED = 0.5    # share of a glass's light that spreads to either side like
 LEAST_SOLID = 0.02   # share that does not pass straight, of a surface that light passes straight
 LEAST_ALONG = 0.2    # of a shading normal along the normal
 STEEP = 0.7          # of the glossy light of metals: emitters light most surfaces more steeply than uniform light
+REGULAR = 3 ** 0.5 / 4  # area of a triangle with three sides of length 1
 CUT = 0.5            # triangles that may be added where walls cut through others, as a share of the patches
 
 
@@ -199,9 +200,12 @@ def _split(subdivision: Subdivision, emitters: NearEmitters, shines: np.ndarray,
 
 
 def _apparent_size(corners: np.ndarray, emitters: NearEmitters, shines: np.ndarray) -> np.ndarray:
-    """(S,) share of all patches that triangles (S, 3, 3) should get."""
+    """(S,) share of all patches that triangles (S, 3, 3) should get: long ones as many as regular ones of their length.
+    """
     area = np.linalg.norm(area_vectors(corners), axis=1)
-    return area * patch_density(corners.mean(axis=1), emitters, shines, np.sqrt(area))
+    length2 = np.square(corners - np.roll(corners, 1, axis=1)).sum(axis=-1).max(axis=1)
+    size = REGULAR * length2 * (area > 0)
+    return size * patch_density(corners.mean(axis=1), emitters, shines, np.sqrt(size))
 
 
 def patch_density(position: np.ndarray, emitters: NearEmitters, shines: np.ndarray,
