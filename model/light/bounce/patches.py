@@ -37,6 +37,7 @@ LEAST_SOLID = 0.02   # share that does not pass straight, of a surface that ligh
 LEAST_ALONG = 0.2    # of a shading normal along the normal
 STEEP = 0.7          # of the glossy light of metals: emitters light most surfaces more steeply than uniform light
 REGULAR = 3 ** 0.5 / 4  # area of a triangle with three sides of length 1
+LONG = 0.25          # how far a long triangle counts as a regular one of its length, not of its area
 CUT = 0.5            # triangles that may be added where walls cut through others, as a share of the patches
 
 
@@ -200,11 +201,10 @@ def _split(subdivision: Subdivision, emitters: NearEmitters, shines: np.ndarray,
 
 
 def _apparent_size(corners: np.ndarray, emitters: NearEmitters, shines: np.ndarray) -> np.ndarray:
-    """(S,) share of all patches that triangles (S, 3, 3) should get: long ones as many as regular ones of their length.
-    """
+    """(S,) share of all patches that triangles (S, 3, 3) should get: more for long ones than for others."""
     area = np.linalg.norm(area_vectors(corners), axis=1)
     length2 = np.square(corners - np.roll(corners, 1, axis=1)).sum(axis=-1).max(axis=1)
-    size = REGULAR * length2 * (area > 0)
+    size = area ** (1 - LONG) * (REGULAR * length2) ** LONG
     return size * patch_density(corners.mean(axis=1), emitters, shines, np.sqrt(size))
 
 

@@ -85,8 +85,10 @@ class EmitterLight:
         self._fan = to_tensor(fans(emitters.corners))
         self._outward = F.pad(to_tensor(emitters.outward), (0, 0, 0, len(emitters.radii)))
         self._limits = Limits(*(values[emitters.kind] for values in Limits.of(scene)[0]))
-        self._is_seen, self._shells = torch.as_tensor(self._limits.is_lamp == 0, device=device), None
-        if self._is_seen.sum() > 1:
+        is_seen = self._limits.is_lamp == 0
+        self._is_seen, self._shells = torch.as_tensor(is_seen, device=device), None
+        self._has_bodies = bool(is_seen[len(emitters.corners):].any())
+        if is_seen.sum() > 1:
             self._shells = TensorRays(scene_rays(scene).among(Kind.EMITTER, Ray.SHADOW))
         self._occluders, self._occluder = _occluders(scene, self._limits, device)
         self._divide()
@@ -221,6 +223,7 @@ class EmitterLight:
         ray, end = ray / distance.clamp_min(1e-9)[:, None], distance - END_GAP
         is_blocked = self._is_blocked(emitter, origin, ray, end)
         if self._shells is not None:
+            # Shells that are seen from outside would hide themselves: lumps that stand for them lie below.
             faces = self._is_seen[emitter] & (dot(self._outward[emitter], ray) >= 0)
             others = (~is_blocked & faces).nonzero()[:, 0]
             is_blocked[others] = self._shells.is_blocked(
@@ -426,7 +429,7 @@ class EmitterLight:
         of_spheres = sphere_directions(self.centers, self.radii, x[..., polygons:])
         direction, sine2 = (torch.cat(both, -1) for both in zip(of_polygons, of_spheres, strict=True))
         in_beam = beam(direction, sine2, self.beam_axis, self.beam_cosine)
-        if n is not None and self._is_seen[polygons:].any():
+        if n is not None and self._has_bodies:
             is_near = self._is_seen[polygons:] & (sine2[:, polygons:] > ROUND ** -2)
             in_beam[:, polygons:] *= ~(is_near & (cosines(direction[..., polygons:], n) < BENEATH))
         return direction, sine2.clamp(0, MOST_SINE2), in_beam

@@ -112,3 +112,11 @@ def test_a_smooth_layer_takes_its_own_share_of_the_diffuse_light_and_sends_on_as
     own, of_blurred = layer_albedo(*layer).item(), layer_albedo(*layer, torch.tensor([BLURRED ** 0.5])).item()
     assert diffuse == pytest.approx(0.5 * (1 - own), rel=2e-3) and glossy == pytest.approx(of_blurred, rel=2e-3)
     assert of_blurred < 0.7 * own and metal == 0
+
+
+def test_long_triangles_are_divided_sooner_than_others_of_their_area():
+    regular = np.float32([[(0, 0, 0), (1, 0, 0), (0.5, 0.75 ** 0.5, 0)]])
+    long = np.float32([[(0, 0, 0), (10, 0, 0), (5, 0.1 * 0.75 ** 0.5, 0)]])
+    sizes = [patches._apparent_size(0.01 * x, NO_EMITTERS, np.zeros(1, bool))[0] for x in (regular, long)]
+    assert sizes[1] == pytest.approx(100 ** 0.25 * sizes[0], rel=0.01)
+    assert patches._apparent_size(np.zeros((1, 3, 3), np.float32), NO_EMITTERS, np.zeros(1, bool))[0] == 0
