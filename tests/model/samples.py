@@ -12,7 +12,7 @@ from renderformer_v2.model.scene import Guides, RenderScene, View, constant_tile
 
 
 def floor_scene(side: int = 8, radiance: float = 40.0) -> RenderScene:
-    """(2 side^2 + 1) triangles: the square [-1, 1]^2 at z = 0 and a lamp at z = 2, which reflects nothing."""
+    """(2 side^2 + 1) triangles of one material: the square [-1, 1]^2 at z = 0 and a lamp at z = 2."""
     x, y = (g.ravel() for g in np.meshgrid(*[np.linspace(-1, 1, side, endpoint=False)] * 2))
     corner, step = np.stack([x, y, 0 * x], -1)[:, None], 2 / side
     lower = corner + np.array([(0, 0, 0), (step, 0, 0), (0, step, 0)])
@@ -23,9 +23,15 @@ def floor_scene(side: int = 8, radiance: float = 40.0) -> RenderScene:
     emission = np.zeros((n, 3), np.float32)
     emission[-1] = radiance
     normals = np.tile(np.float32((0, 0, 1)), (n, 3, 1))
-    tiles = np.stack([constant_tile((0.8, 0.5, 0.2), roughness=0.6, ior=1.3), constant_tile((0, 0, 0))])
+    tile = constant_tile((0.8, 0.5, 0.2), roughness=0.6, ior=1.3)[None]
     return RenderScene(triangles, normals, emission, np.zeros((n, 3), np.float32), np.zeros((n, 2), np.float32),
-                       (emission[:, 0] > 0).astype(np.int32), tiles)
+                       np.zeros(n, np.int32), tile)
+
+
+def with_black_lamps(scene: RenderScene) -> RenderScene:
+    """The scene, whose lamps reflect nothing."""
+    tiles = np.concatenate([scene.tiles, constant_tile((0, 0, 0))[None]])
+    return replace(scene, tiles=tiles, tile_index=np.where(scene.is_light, len(scene.tiles), scene.tile_index))
 
 
 def floor_view(width: int = 64, height: int = 64) -> tuple[View, Guides]:
@@ -58,7 +64,7 @@ def flat(corners: np.ndarray, color) -> RenderScene:
 def walls(color) -> RenderScene:
     """The floor, grey, and a coloured wall on its left side."""
     scene = floor_scene(side=6)
-    scene.tiles[0, :3] = 0.5
+    scene.tiles[:, :3] = 0.5
     floor = scene.triangles[~scene.is_light]
     wall = np.stack([np.full_like(floor[..., 0], -1), floor[..., 1], floor[..., 0] + 1], axis=-1)[:, ::-1]
     return scene.appended(flat(wall.copy(), color))
@@ -68,7 +74,7 @@ def closed_box(color) -> RenderScene:
     """Two units wide, with a lamp in its middle."""
     square = np.float32([[(-1, -1, 0), (1, -1, 0), (1, 1, 0)], [(-1, -1, 0), (1, 1, 0), (-1, 1, 0)]])
     sides = [np.roll(square + np.float32((0, 0, z)), axis, axis=-1) for axis in range(3) for z in (-1, 1)]
-    scene = floor_scene()
+    scene = with_black_lamps(floor_scene())
     lamp = scene.triangles[scene.is_light]
     scene.triangles[scene.is_light] = lamp - lamp.mean(axis=(0, 1)) + np.float32((0.3, 0.2, 0.1))
     lights = {name: getattr(scene, name)[scene.is_light] for name in

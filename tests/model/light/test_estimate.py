@@ -12,7 +12,7 @@ from renderformer_v2.model.light.effort import FULL
 from renderformer_v2.model.light.estimate import estimate_light
 from renderformer_v2.model.light.surface_light import SurfaceLight
 from renderformer_v2.model.scene import ROUGHNESS
-from tests.model.samples import floor_scene, floor_view, scene_light, walls
+from tests.model.samples import floor_scene, floor_view, scene_light, walls, with_black_lamps
 
 
 def test_light_has_the_shapes_that_it_says_and_traced_light_is_passed_on():
@@ -72,7 +72,7 @@ def test_a_black_object_in_a_lit_room_is_exactly_black():
 
 
 def test_bands_of_a_large_picture_change_nothing(monkeypatch):
-    light, (view, guides) = scene_light(floor_scene()), floor_view(128, 64)
+    light, (view, guides) = scene_light(with_black_lamps(floor_scene())), floor_view(128, 64)
     whole = estimate_light(light, view, guides)
     monkeypatch.setattr(estimate, "BAND_PIXELS", 24 * 128)
     bands = estimate_light(light, view, guides)

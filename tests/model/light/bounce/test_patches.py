@@ -12,7 +12,7 @@ from renderformer_v2.model.light.direct.emitter_light import NearEmitters
 from renderformer_v2.model.light.fresnel import layer_albedo
 from renderformer_v2.model.material.reflectance import BLURRED
 from renderformer_v2.model.scene import BASE_COLOR, IOR, ROUGHNESS, RenderScene
-from tests.model.samples import closed_box, flat, floor_scene, walls
+from tests.model.samples import closed_box, flat, floor_scene, walls, with_black_lamps
 
 NO_EMITTERS = NearEmitters(np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
 
@@ -93,7 +93,7 @@ def test_the_points_of_patches_lie_on_them():
 
 
 def test_patches_are_shaded_by_the_normals_of_corners_on_the_side_of_their_fronts():
-    scene = floor_scene()
+    scene = with_black_lamps(floor_scene())
     scene.normals[:] = (0.6, 0, 0.8)
     _, normals, shading, _ = patches_of(scene).points()
     torch.testing.assert_close(shading * normals[..., 2:], torch.tensor([0.6, 0, 0.8]).expand_as(shading))

@@ -17,7 +17,7 @@ from renderformer_v2.model.light.direct.direct_light import DirectLight, Visibil
 from renderformer_v2.model.scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, RenderScene, constant_tile
 from tests.model.light.bounce.test_patches import patches_of
 from tests.model.no_host_copies import NoHostCopies
-from tests.model.samples import closed_box, flat, floor_scene, walls
+from tests.model.samples import closed_box, flat, floor_scene, walls, with_black_lamps
 
 MANY = 50  # times the rays of a point
 RATIO = 0.5 / 0.3  # of half the side of `roof` to its height
@@ -62,7 +62,7 @@ def test_bounces_between_patches_never_wait_for_a_card(monkeypatch):
 
 
 def test_a_point_that_faces_a_bright_plane_gathers_its_radiance():
-    bounce = built(floor_scene(side=2))
+    bounce = built(with_black_lamps(floor_scene(side=2)))
     bounce = with_leaving(bounce, torch.ones_like(bounce.leaving))
     near, far = (arriving(bounce, [[0.05, 0.03, z]], -UP)[0, 0].item() for z in (0.2, 3.0))
     # A square of side 2 at distance z: its form factor by the formula for parallel differential areas.
@@ -70,7 +70,8 @@ def test_a_point_that_faces_a_bright_plane_gathers_its_radiance():
         x = 1 / z
         expected = 4 / (2 * np.pi) * 2 * x / np.sqrt(1 + x * x) * np.arctan(x / np.sqrt(1 + x * x))
         assert found == pytest.approx(expected, rel=error)
-    assert built(floor_scene()).diffuse(torch.tensor([[0.0, 0.0, 0.5]]), UP).indirect.abs().max() == 0  # the lamp
+    lamp = built(with_black_lamps(floor_scene())).diffuse(torch.tensor([[0.0, 0.0, 0.5]]), UP)
+    assert lamp.indirect.abs().max() == 0
 
 
 def test_a_coloured_wall_bleeds_onto_what_is_near_it():
@@ -135,7 +136,7 @@ def roof(color, **material) -> RenderScene:
 
 
 def test_light_falls_on_patches_by_shading_normals_as_in_cycles():
-    scenes = floor_scene(), floor_scene()
+    scenes = with_black_lamps(floor_scene()), with_black_lamps(floor_scene())
     scenes[1].normals[:] = (0.6, 0, 0.8)
     level, tilted = (built(scene).leaving for scene in scenes)
     middle = patches_of(scenes[0]).center.norm(dim=-1) < 0.3
@@ -344,7 +345,7 @@ def test_light_that_is_asked_for_alone_is_the_same():
 
 def test_rays_into_the_face_that_they_start_from_carry_nothing():
     """Around a shading normal that leans, some would see the light that the face itself sends on."""
-    bounce = built(floor_scene(side=6))
+    bounce = built(with_black_lamps(floor_scene(side=6)))
     bright = with_leaving(bounce, torch.ones(len(bounce.leaving), 1))
     leaning = torch.tensor([[0.8, 0.0, 0.6]])
     assert bright.diffuse(torch.tensor([[0.1, 0.2, 3e-4]]), leaning).indirect.max() < 1e-6
