@@ -132,10 +132,9 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     group = scene.seldom("group")[token]
     apart = is_open + (is_open.max(initial=0) + 1) * group  # no patch is of two groups
     shines = shines[source][largest]
-    density = patch_density(center, emitters, shines)
-    alike = glass[largest] + 2 * shines
     center, vector, material, patch = _merge(*map(torch.from_numpy, (
-        center, vector, material[token], alike, apart, surfaces(scene.triangles)[token])), density, most)
+        center, vector, material[token], glass[largest], shines, apart, surfaces(scene.triangles)[token])), emitters,
+        most)
     group_of_patch, patch_shines = np.zeros(len(center), np.uint8), np.zeros(len(center), bool)
     group_of_patch[patch.numpy()], patch_shines[patch.numpy()] = group, shines
     density = patch_density(center.numpy(), emitters, patch_shines)
@@ -226,14 +225,16 @@ def patch_density(position: np.ndarray, emitters: NearEmitters, shines: np.ndarr
     return (1 - BY_EMITTERS) * from_middle + BY_EMITTERS * np.where(shines, 0, from_emitters)
 
 
-def _merge(center: Tensor, vector: Tensor, material: Tensor, kind: Tensor, openness: Tensor, surface: Tensor,
-           density: np.ndarray, most: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+def _merge(center: Tensor, vector: Tensor, material: Tensor, glass: Tensor, shines: Tensor, openness: Tensor,
+           surface: Tensor, emitters: NearEmitters, most: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Centre, area vector and material of groups of elements, as of `group_patches`.
 
     The centre is that of the largest element of a group. Also returns the group of each of the (E,) elements.
     """
     if len(center) <= most:
         return center, vector, material, torch.arange(len(center))
+    kind = glass + 2 * shines
+    density = patch_density(center.numpy(), emitters, shines.numpy())
     group, count = group_patches(*(x.numpy() for x in (center, vector, kind, openness, surface)), density, most)
     group = torch.from_numpy(group)
     area = vector.norm(dim=-1, keepdim=True)

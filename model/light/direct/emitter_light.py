@@ -86,10 +86,10 @@ class EmitterLight:
         self._outward = F.pad(to_tensor(emitters.outward), (0, 0, 0, len(emitters.radii)))
         self._limits = Limits(*(values[emitters.kind] for values in Limits.of(scene)[0]))
         is_seen = self._limits.is_lamp == 0
-        self._is_seen, self._shells = torch.as_tensor(is_seen, device=device), None
+        self._is_seen, self._shining = torch.as_tensor(is_seen, device=device), None
         self._has_bodies = bool(is_seen[len(emitters.corners):].any())
         if is_seen.sum() > 1:
-            self._shells = TensorRays(scene_rays(scene).among(Kind.EMITTER, Ray.SHADOW))
+            self._shining = TensorRays(scene_rays(scene).among(Kind.EMITTER, Ray.SHADOW))
         self._occluders, self._occluder = _occluders(scene, self._limits, device)
         self._divide()
 
@@ -222,11 +222,11 @@ class EmitterLight:
         distance = length(ray)
         ray, end = ray / distance.clamp_min(1e-9)[:, None], distance - END_GAP
         is_blocked = self._is_blocked(emitter, origin, ray, end)
-        if self._shells is not None:
+        if self._shining is not None:
             # Shells that are seen from outside would hide themselves: lumps that stand for them lie below.
             faces = self._is_seen[emitter] & (dot(self._outward[emitter], ray) >= 0)
             others = (~is_blocked & faces).nonzero()[:, 0]
-            is_blocked[others] = self._shells.is_blocked(
+            is_blocked[others] = self._shining.is_blocked(
                 *(rays[others] for rays in (origin, ray, distance - ROUND * self.reach[emitter])))
         arrives = 1.0 * ~is_blocked[:, None]
         if self._cutouts is not None:

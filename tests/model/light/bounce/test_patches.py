@@ -76,7 +76,7 @@ def test_of_parts_as_large_as_each_other_a_patch_stands_on_the_first():
     center = torch.rand(count, 3, generator=torch.Generator().manual_seed(0)) * 1e-3 + 1e-3
     vector = torch.tensor([[0.0, 0.0, 1e-6]]).repeat(count, 1)
     alike = torch.zeros(count, dtype=torch.long)
-    middle, *_ = patches._merge(center, vector, torch.ones(count, 9), alike, alike, alike, np.ones(count), 1)
+    middle, *_ = patches._merge(center, vector, torch.ones(count, 9), alike, alike, alike, alike, NO_EMITTERS, 1)
     torch.testing.assert_close(middle, center[:1], rtol=0, atol=0)
 
 
