@@ -3,8 +3,8 @@
 
 Trains the bundled network with each row's attention from the same weights for the same --steps, on samples of
 tools.datagen, in Transformer Alone; then renders held-out samples, prints a table beside the paper's numbers, and
-writes it and its numbers (.json) into OUT. The same command goes on where it was stopped; more --steps continue all
-rows.
+writes it and its numbers (.json) into OUT. The learning rate falls until the last step. The same command goes on where
+it was stopped; more --steps continue all rows, at the rate that they would have then.
 """
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ ROWS = {  # settings of ModelConfig; PSNR, SSIM, LPIPS and HDR-FLIP of the paper
     "less S (#seq / 256)": ({"summary_block_size": 256}, (26.93, 0.8663, 0.1316, 0.4580)),
     "full attention": ({"dense": True}, (27.91, 0.8953, 0.1027, 0.4287)),
 }
-CONFIG = Path(__file__).with_name("train") / "rf2_small.json"
+CONFIG = Path(__file__).with_name("train") / "ablation.json"
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -77,6 +77,7 @@ def train(name: str, options: argparse.Namespace) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     config = json.loads(options.config.read_text())
     config["network"] = config.get("network", {}) | ROWS[name][0]
+    config["cosine_steps"] = max(options.steps - config["warmup_steps"], 1)  # or the last steps' noise hides the row
     for stage in config["stages"]:
         stage["scene"] = 1.0  # Transformer Alone
     (folder / "config.json").write_text(json.dumps(config, indent=1))

@@ -8,6 +8,7 @@ of points. All lengths are in network units, radiance is in the units of the sce
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -39,6 +40,7 @@ from .form_factors import (
     sphere_form_factor,
 )
 from .glossy_lobe import emitter_share, facet_cosines, facet_width2, is_small, small_emitter_share
+from .horizon import lambert_vector
 from .outlines import CIRCLE, RING, fans, outline_vectors, rings
 from .terminator import start_heights
 
@@ -50,6 +52,7 @@ FINE, LARGE = 1.0, 100.0
 BENEATH = -0.3   # cosine to the middle of a round body, at most, of points on it
 PAIRS = 1 << 14  # of points and emitters, whose outlines are integrated over at a time
 STRONGEST = 3    # emitters that `strongest` finds
+LARGE_SINE2 = 3e-3  # of a polygon, from which on what the horizon leaves of it is exact
 DIM = 0.02       # of the brightest highlight at a point, below which others are left out
 EMITTER = Channels(  # what it finds of an emitter at a point
     1,
@@ -88,6 +91,8 @@ class EmitterLight:
         is_seen = self._limits.is_lamp == 0
         self._is_seen, self._shining = torch.as_tensor(is_seen, device=device), None
         self._has_bodies = bool(is_seen[len(emitters.corners):].any())
+        # What shines to one side is at the place of its surface, lumps and spheres stand for one around them.
+        self._before = torch.where(self.beam_axis.any(1), END_GAP, ROUND * self.reach)
         if is_seen.sum() > 1:
             self._shining = TensorRays(scene_rays(scene).among(Kind.EMITTER, Ray.SHADOW))
         self._occluders, self._occluder = _occluders(scene, self._limits, device)
@@ -153,7 +158,7 @@ class EmitterLight:
         of_polygons, of_spheres = of_all, slice(max(row - polygons, 0), max(row - polygons + 1, 0))
         for names, rows in ((("corners", "rings", "_fan"), of_polygons), (("centers", "radii"), of_spheres),
                             (("origins", "reach", "is_distant", "radiance", "beam_axis", "beam_cosine", "_outward",
-                              "_is_seen", "_occluder"), of_all)):
+                              "_is_seen", "_before", "_occluder"), of_all)):
             for name in names:
                 setattr(one, name, getattr(self, name)[rows])
         one._limits = Limits(*(values[of_all] for values in self._limits))
@@ -171,7 +176,7 @@ class EmitterLight:
         """
         direction, sine2, in_beam = self._directions(x, n)
         cosine = cosines(direction, n)
-        lobes = [sphere_form_factor(cosine, sine2) * in_beam]
+        lobes = [self._form_factor(x, n, cosine, sine2) * in_beam]
         if gloss:
             lobes.append(self._glossy(x, n, direction, sine2, *gloss) * in_beam)
         visible = self._visible(origin, n, start, lobes[0] > 0, direction)
@@ -227,7 +232,7 @@ class EmitterLight:
             faces = self._is_seen[emitter] & (dot(self._outward[emitter], ray) >= 0)
             others = (~is_blocked & faces).nonzero()[:, 0]
             is_blocked[others] = self._shining.is_blocked(
-                *(rays[others] for rays in (origin, ray, distance - ROUND * self.reach[emitter])))
+                *(rays[others] for rays in (origin, ray, distance - self._before[emitter])))
         arrives = 1.0 * ~is_blocked[:, None]
         if self._cutouts is not None:
             arrives = arrives * self._cutouts.transmittance(origin, ray, end * arrives[:, 0])
@@ -304,7 +309,7 @@ class EmitterLight:
         if not len(self):
             return result
         direction, sine2, in_beam = self._directions(x, n)
-        form_factor = sphere_form_factor(cosines(direction, n), sine2) * in_beam
+        form_factor = self._form_factor(x, n, cosines(direction, n), sine2) * in_beam
         power, emitter = (form_factor * self._to_diffuse.mean(1)).topk(min(STRONGEST, len(self)), dim=1)
         point = torch.arange(len(x), device=x.device)[:, None]
         complete = (form_factor @ self._to_diffuse + other).clamp_min(1e-12)
@@ -321,7 +326,8 @@ class EmitterLight:
         """Unshadowed radiance (P, 3) leaving a white diffuse surface and a white sheen of such a stretch (P,)."""
         direction, sine2, in_beam = self._directions(x, n)
         cosine = cosines(direction, n)
-        of_diffuse, of_sheen = sphere_form_factor(cosine, sine2), sheen_form_factor(cosine, sine2, stretch[:, None])
+        of_diffuse = self._form_factor(x, n, cosine, sine2)
+        of_sheen = sheen_form_factor(cosine, sine2, stretch[:, None])
         return (of_diffuse * in_beam) @ self._to_diffuse, (of_sheen * in_beam) @ self._to_diffuse
 
     def lobes(self, x: Tensor, n: Tensor, *gloss: Tensor) -> tuple[Tensor, Tensor]:
@@ -333,7 +339,7 @@ class EmitterLight:
             return torch.zeros_like(x), torch.zeros_like(x)
         direction, sine2, in_beam = self._directions(x, n)
         cosine = cosines(direction, n)
-        diffuse = sphere_form_factor(cosine, sine2) * in_beam
+        diffuse = self._form_factor(x, n, cosine, sine2) * in_beam
         glossy = self._glossy(x, n, direction, sine2, *gloss) * in_beam
         return diffuse @ self._to_diffuse, glossy @ self._to_glossy
 
@@ -415,7 +421,26 @@ class EmitterLight:
     def _form_factors(self, x: Tensor, n: Tensor) -> tuple[Tensor, Tensor]:
         """Unit direction (3, P, E) to every emitter, and the share of its radiance that a diffuse surface sends on."""
         direction, sine2, in_beam = self._directions(x, n)
-        return direction, sphere_form_factor(cosines(direction, n), sine2) * in_beam
+        return direction, self._form_factor(x, n, cosines(direction, n), sine2) * in_beam
+
+    def _form_factor(self, x: Tensor, n: Tensor, cosine: Tensor, sine2: Tensor) -> Tensor:
+        """(P, E) share of the emitters' light that a diffuse surface sends on, by cosines to and squared sines of them.
+
+        Polygons that the horizon cuts count as spheres of their solid angle where they are small.
+        """
+        polygons = len(self.corners)
+        height = (n @ self.corners.flatten(0, 1).T).unflatten(1, self.corners.shape[:2])
+        ground = dot(x, n)[:, None] * ~self.is_distant[:polygons]
+        form_factor = sphere_form_factor(cosine, sine2)
+        whole = cosine[:, :polygons].clamp_min(0) * sine2[:, :polygons]
+        of_polygons = torch.where(height.amin(2) >= ground, whole, form_factor[:, :polygons])
+        cut = (height.amin(2) < ground) & (height.amax(2) > ground) & (sine2[:, :polygons] > LARGE_SINE2)
+        point, emitter = cut.nonzero().unbind(1)
+        for some, of_some in zip(point.split(PAIRS), emitter.split(PAIRS), strict=True):
+            basis = local_basis(n[some])
+            ring = unit(torch.einsum("rij,kjr->kir", basis, self._outlines(x[some], of_some)), 1)
+            of_polygons[some, of_some] = lambert_vector(ring)[2].abs() / (2 * math.pi)
+        return torch.cat([of_polygons, form_factor[:, polygons:]], 1)
 
     def _directions(self, x: Tensor, n: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor]:
         """Unit direction (3, P, E) to every emitter, its squared angular sine and its beam's share of radiance.

@@ -20,6 +20,11 @@ NARROW = 0.7        # cosine of the rim of a beam from which on a flat one is as
 MAX_AROUND = 64     # and one that surrounds what it lights
 INSIDE = 0.5        # share of the scene's radius that is inside such a one at least
 MAX_PARTS = 8       # that a closed one is divided into which is neither round nor straight
+MAX_FACES = 6       # of a closed convex one that shines by each of them,
+MOST_WITH_FACES = 48  # unless a scene would have more emitters then
+THIN = 0.45         # share of the largest face in all of its area from which on it is as good as a sheet
+SAME_FACE = 1e-4    # one minus the cosine between normals of a face,
+BULGE = 1e-3        # and how far corners may be beyond one, in sizes of the body
 CURVED = 0.3        # cosine between a lump's normal and its direction from the middle from which on it is of a shell
 STRAIGHT = 1.5      # distance of corners from the axis in radii of a rod up to which it is straight
 ROUND = 1.6         # distance of its farthest corner in radii of the sphere of its area up to which it is round
@@ -56,17 +61,20 @@ def gather_emitters(scene: RenderScene) -> Emitters:
     kind = Limits.of(scene)[1][:, None]
     light = np.concatenate([scene.emission[rows], scene.beam_axis[rows], scene.beam_cosine[rows], kind], axis=1)
     center, radius = _bounding_sphere(scene)
-    emitters = _gathered(corners, light, center, radius)
+    emitters = _gathered(corners, light, center, radius, MAX_FACES)
+    if len(emitters) > MOST_WITH_FACES:
+        emitters = _gathered(corners, light, center, radius)
     if len(emitters) > MAX_EMITTERS:
         emitters = _gathered(corners, _evened(corners, light, center), center, radius)
         emitters = merged(emitters, MAX_EMITTERS, center, radius)
     return emitters
 
 
-def _gathered(corners: np.ndarray, light: np.ndarray, center: np.ndarray, radius: float) -> Emitters:
+def _gathered(corners: np.ndarray, light: np.ndarray, center: np.ndarray, radius: float,
+              most_faces: int = 0) -> Emitters:
     """Emitters of (N, 3, 3) triangles; light: (N, 9) radiance, beam axis, cosines, kind.
 
-    center (3,), radius: sphere around what they light.
+    center (3,), radius: sphere around what they light; most_faces: of a body that each become an emitter.
     """
     polygons, spheres = [], []
     for part in _components(corners, light):
@@ -84,6 +92,9 @@ def _gathered(corners: np.ndarray, light: np.ndarray, center: np.ndarray, radius
             polygons += [(*piece, own) for piece in pieces]
         elif _surrounds(shape, vectors, center, radius):
             polygons += [(*piece, own) for piece in _pieces(shape, MAX_AROUND)]
+        elif not own[3:6].any() and (faces := _faces(shape, vectors.astype(np.float64), most_faces)):
+            polygons += [(outline, NO_SHELL, np.concatenate([own[:3], normal, [0, 0], own[8:]]))
+                         for outline, normal in faces]
         elif (sheet := _sheet(shape, vectors.astype(np.float64))) is not None:
             front, gain = sheet
             polygons += [(*piece, own * ([gain] * 3 + [1] * 6)) for piece in _pieces(front)]
@@ -152,6 +163,29 @@ def _pieces(shape: np.ndarray, most: int = MAX_LUMPS) -> list[tuple[np.ndarray, 
         along = normal @ away
         lumps.append((triangle(vector, center), np.sign(along) * normal if abs(along) > CURVED else NO_SHELL))
     return lumps
+
+
+def _faces(shape: np.ndarray, vectors: np.ndarray, most: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Outlines (K, 3) of the faces of a convex body (n, 3, 3), such as a cube, and their unit normals (3,), outwards.
+
+    None of any other body, of one that has more of them, and of a thin one. Before a face all of it is seen.
+    """
+    areas = np.linalg.norm(vectors, axis=1)
+    normals, points, faces = unit(vectors), shape.reshape(-1, 3).astype(np.float64), []
+    left, middle, bulge = vectors.any(axis=1), points.mean(axis=0), BULGE * np.linalg.norm(np.ptp(points, axis=0))
+    while left.any():
+        normal = normals[left.argmax()]
+        rows = left & (np.abs(normals @ normal) > 1 - SAME_FACE)
+        rows &= np.abs((shape.mean(axis=1) - shape[left.argmax()].mean(axis=0)) @ normal) < bulge
+        outline = convex_outline(shape[rows])
+        if outline is None or len(faces) == most or areas[rows].sum() > THIN * areas.sum():
+            return []
+        normal = normal * np.sign((outline[0] - middle) @ normal)
+        if ((points - outline[0]) @ normal).max() > bulge:
+            return []
+        faces.append((outline, normal))
+        left &= ~rows
+    return faces
 
 
 def _round_or_straight(shape: np.ndarray, vectors: np.ndarray) -> list[np.ndarray]:

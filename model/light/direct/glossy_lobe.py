@@ -10,8 +10,6 @@ of the mean facet. R pairs of points and emitters; vectors are planes (3, R).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import partial
 from typing import NamedTuple
 
 import torch
@@ -19,11 +17,11 @@ from torch import Tensor
 
 from ..fresnel import lobe_albedo, schlick
 from ..sampling import local_basis, smith_root
-from ..vectors import cross, dot, length, unit
+from ..vectors import dot, unit
 from .form_factors import cosines
+from .horizon import lambert_vector
 
 LEAST_ROUGHNESS = 0.02
-HORIZON = 4             # edges that follow the horizon where it cuts an outline
 SMOOTH, ROUGH = 0.01, 0.1  # alpha up to which straight edges stay straight, and from which normals far off are exact
 LEAST_COSINE = 1e-3
 SMALL = 0.1             # squared size of an emitter over that of what the lobe shows
@@ -87,13 +85,7 @@ def _shown_facets(ring: Tensor, v: Tensor, alpha: Tensor) -> Tensor:
 
     Its z is 2 pi times their share of the area that all facets show; across, the surface is stretched to alpha = 1.
     """
-    shown, is_up = torch.zeros_like(v), ring[:, 2] > 0
-    is_whole = is_up.all(0)
-    for where, within in ((is_whole, _within_ring), (is_up.any(0) & ~is_whole, _within_cut_ring)):
-        row = where.nonzero()[:, 0]
-        if len(row):
-            shown[:, row] = within(ring[..., row], partial(_mirroring_facets, v[:, row], alpha[row]))
-    return shown
+    return lambert_vector(ring, lambda rows, towards: _mirroring_facets(v[:, rows], alpha[rows], towards))
 
 
 def _mirroring_facets(v: Tensor, alpha: Tensor, towards: Tensor) -> Tensor:
@@ -105,33 +97,6 @@ def _mirroring_facets(v: Tensor, alpha: Tensor, towards: Tensor) -> Tensor:
     on_plane = 1 / dot(towards, mirrored[None], 1)[:, None].clamp_min(0.5)
     half = towards * torch.lerp(torch.ones_like(on_plane), on_plane, straight) + v
     return unit(torch.cat([half[:, :2], half[:, 2:] * alpha], 1), 1)
-
-
-def _within_ring(ring: Tensor, facets: Callable[[Tensor], Tensor]) -> Tensor:
-    """(3, R) Lambert's vector of the `facets` for a ring."""
-    corners = facets(ring)
-    return _arcs(corners, corners.roll(-1, 0)).sum(0)
-
-
-def _within_cut_ring(ring: Tensor, facets: Callable[[Tensor], Tensor]) -> Tensor:
-    """The same where the horizon cuts the ring: edges end there, and others follow it from the first to the last."""
-    following = ring.roll(-1, 0)
-    z, next_z = ring[:, 2:], following[:, 2:]
-    is_up, next_is_up = z > 0, next_z > 0
-    crossing = unit(ring + (following - ring) * z / torch.where(is_up == next_is_up, 1.0, z - next_z), 1)
-    edges = _arcs(facets(torch.where(is_up, ring, crossing)), facets(torch.where(next_is_up, following, crossing)))
-    sinks, rises = is_up & ~next_is_up, ~is_up & next_is_up
-    first, last = ((crossing * where).sum(0) for where in (sinks, rises))
-    steps = torch.linspace(0, 1, HORIZON + 1, device=ring.device)[:, None, None]
-    horizon = facets(unit(torch.lerp(first, last, steps), 1))
-    return (edges * (is_up | next_is_up)).sum(0) + _arcs(horizon[:-1], horizon[1:]).sum(0)
-
-
-def _arcs(a: Tensor, b: Tensor) -> Tensor:
-    """(K, 3, R) of Lambert's formula for edges from unit vectors a to b (K, 3, R)."""
-    across = cross(a, b, 1)
-    sine = length(across, 1)
-    return (torch.atan2(sine, dot(a, b, 1)) / sine.clamp_min(1e-12))[:, None] * across
 
 
 def _unmasked(alpha2: Tensor, n_v: Tensor, n_l: Tensor) -> Tensor:

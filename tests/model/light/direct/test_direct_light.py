@@ -57,11 +57,29 @@ def test_sphere_form_factor_matches_monte_carlo(cosine, sine2):
     assert sphere_form_factor(torch.tensor([cosine]), torch.tensor([sine2])).item() == pytest.approx(expected, abs=2e-3)
 
 
-@pytest.mark.parametrize("x, n", [((0, 0, 0), (0, 0, 1)), ((0.5, -0.3, 0.2), (0.6, 0, 0.8)), ((1, 0, 0), (0, 0, 1))])
+@pytest.mark.parametrize("x, n", [((0, 0, 0), (0, 0, 1)), ((0.5, -0.3, 0.2), (0.6, 0, 0.8)), ((1, 0, 0), (0, 0, 1)),
+                                  ((0, 0, 0.8), (0, 0.8, 0.6)), ((0, -0.3, 0.7), (1, 0, 0)), ((1, 0, 1), (0, 0, 1))])
 def test_triangle_irradiance_matches_integration(x, n):
+    """Also of what the horizon leaves of one close by."""
     corners = np.array([[(-0.3, -0.3, 1), (0.4, -0.2, 1.2), (0, 0.5, 0.9)]])
     expected = integrated_irradiance(corners, np.float64(x), np.float64(n)) / math.pi
-    assert diffuse(lit_by(corners), x, n)[0] == pytest.approx(expected, rel=0.03)
+    assert diffuse(lit_by(corners), x, n)[0] == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize("x, n", [((0.12, 0, 0.1), (0, 0, 1)), ((0.3, 0.2, -0.05), (0, 0, 1)),
+                                  ((0, 0, 1), (0, 0.6, -0.8)), ((0.1, 0.02, 0), (1, 0, 0))])
+def test_a_box_shines_by_each_of_its_faces(x, n):
+    """What is close to it is lit by those that it is before, and a face by none."""
+    box = np.float32([(x, y, z) for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.1, 0.3)])
+    sides = (0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)
+    corners = box[[(a, b, c) for a, b, c, _ in sides] + [(a, c, d) for a, _, c, d in sides]]
+    floor = np.float32([[(-1, -1, -1), (1, -1, -1), (0, 1, -1)]])
+    scene = lit_by(np.concatenate([corners, floor]))
+    scene.emission[12:] = 0
+    assert gather_emitters(scene).corners.shape == (6, 4, 3)
+    seen = corners[[np.cross(b - a, c - a) @ (x - a) > 1e-6 for a, b, c in np.float64(corners)]]
+    expected = integrated_irradiance(seen, np.float64(x), np.float64(n)) / math.pi
+    assert diffuse(scene, x, n)[0] == pytest.approx(expected, rel=0.02, abs=1e-4)
 
 
 def test_closed_polyhedron_shines_like_a_sphere_of_equal_area():

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 import torch
 
+from renderformer_v2.model.geometry import area_vectors, unit
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
 from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.direct.emitters import gather_emitters
 from renderformer_v2.model.light.sampling import r2_starts
 from renderformer_v2.model.scene import IOR, TRANSMISSION, RenderScene, constant_tile
 from renderformer_v2.model.surface_kinds import Ray
+from tests.model.light.direct.test_direct_light import OCTAHEDRON
 from tests.model.samples import floor_scene
 
 UP = torch.tensor([[0.0, 0.0, 1.0]])
@@ -144,12 +146,12 @@ def test_what_is_below_the_horizon_of_a_point_is_not_in_its_shadow():
 
 
 def test_a_round_body_does_not_light_itself():
-    """A cube is a sphere in closed form, which is above the middle of its faces."""
-    outwards = np.stack([side if i % 2 else side[:, ::-1] for i, side in enumerate(BOX.reshape(6, 2, 3, 3))])
-    cube = replace(under_a_sky(0.1 * outwards.reshape(-1, 3, 3)), emission=np.full((12, 3), 10, np.float32))
-    scene = cube.appended(under_a_sky(SQUARE - np.float32((0, 0, 0.2))))
+    """An octahedron is a sphere in closed form, which is above the middle of its faces."""
+    outwards = 0.1 * OCTAHEDRON
+    body = replace(under_a_sky(outwards), emission=np.full((8, 3), 10, np.float32))
+    scene = body.appended(under_a_sky(SQUARE - np.float32((0, 0, 0.2))))
     direct = DirectLight(scene)
     assert len(gather_emitters(scene).radii) == 1
-    face, side = torch.tensor([[0.0, 0.0, 0.1], [0.09, 0.09, 0.1], [0.08, -0.09, 0.1]]), UP.expand(3, 3)
-    assert direct.emitters.diffuse(face, side)[0].max() == 0
+    side = unit(area_vectors(outwards))
+    assert direct.emitters.diffuse(torch.tensor(outwards.mean(1)), torch.tensor(side))[0].max() == 0
     assert direct.emitters.diffuse(torch.tensor([[0.0, 0.0, -0.2]]), UP)[0].min() > 0.5
