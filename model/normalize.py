@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .beams import beam_share, smoothed
 from .fields import DISPLACEMENT, LENGTH, POINT, RADIANCE, map_arrays
 from .geometry import area_vectors
 from .scene import Guides, RenderScene, View
@@ -99,13 +100,13 @@ def central_irradiance(scene: RenderScene, center: np.ndarray, scale: float) -> 
     distance = np.linalg.norm(to_center, axis=1).clip(1e-9)
     # On average over directions half of the area is projected: stable when a lamp turns.
     projected = np.linalg.norm(area_vectors(scene.triangles[lights]), axis=1) * scale**2 / 2
-    beam = _beam(scene.beam_axis[lights], scene.beam_cosine[lights], to_center / distance[:, None])
-    return scene.emission[lights].mean(axis=1) * beam * projected / distance.clip(NEAREST_LIGHT) ** 2
+    emission, borders = smoothed(scene.emission[lights], scene.beam_cosine[lights])
+    beam = _beam(scene.beam_axis[lights], borders, to_center / distance[:, None])
+    return emission.mean(axis=1) * beam * projected / distance.clip(NEAREST_LIGHT) ** 2
 
 
 def _beam(axis: np.ndarray, cosine: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """(L,) share of its radiance that a light emits along unit directions (L, 3); at least its front's mean."""
-    outer, inner = cosine[:, 0], np.maximum(cosine[:, 1], cosine[:, 0] + 1e-4)
-    t = (((direction * axis).sum(axis=1) - outer) / (inner - outer)).clip(0, 1)
-    share = (1 - (outer + inner) / 2).clip(0, 1)
-    return np.where(axis.any(axis=1), np.maximum(t * t * (3 - 2 * t), share), 1)
+    share = beam_share((direction * axis).sum(axis=1), cosine)
+    mean = (1 - cosine.mean(axis=1)).clip(0, 1)
+    return np.where(axis.any(axis=1), np.maximum(share, mean), 1)

@@ -239,7 +239,8 @@ class RenderScene:
     normals: np.ndarray = rows("N", 3, 3, behaves=DIRECTION)   # unit shading normal per corner
     emission: np.ndarray = rows("N", 3, behaves={COLOR: -1, RADIANCE: -1})  # radiance >= 0; > 0 makes it a light
     beam_axis: np.ndarray = rows("N", 3, behaves=DIRECTION)    # of a light's beam; 0 = radiates everywhere
-    # Cosines (outer, inner): emission is scaled by smoothstep(outer, inner, cos(angle to axis)); ignored without one
+    # Cosines (outer, inner): emission is scaled by smoothstep(outer, inner, cos(angle to axis)), or if `inner` is
+    # beams.SPREAD as an area lamp with a spread; ignored without an axis
     beam_cosine: np.ndarray = rows("N", 2)
     tile_index: np.ndarray = rows("N", dtype=np.int32)         # row of `tiles`
     # BSDF parameters on the barycentric grid of docs/scene-input.md 4.2

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from ..beams import smoothed
 from ..environment import environment_images
 from ..fields import COLOR, DIRECTION, array
 from ..geometry import area_vectors, contracted, unit
@@ -48,7 +49,8 @@ def guided_inputs(scene: RenderScene, config: ModelConfig, mapper=None,
     """
     tiles, tile_index = trained_tiles(scene)
     tiles = F.adaptive_avg_pool2d(torch.from_numpy(tiles).float(), tile_side(config))
-    light = encode_light(torch.from_numpy(scene.emission))
+    emission, borders = smoothed(scene.emission, scene.beam_cosine)
+    light = encode_light(torch.from_numpy(emission))
     is_light = (light > 0).any(dim=-1).numpy()  # the very faint ones are none for the network
     return GuidedInputs(
         triangles=torch.from_numpy(_contracted_corners(scene)), normals=torch.from_numpy(scene.normals),
@@ -56,7 +58,7 @@ def guided_inputs(scene: RenderScene, config: ModelConfig, mapper=None,
         texture_index=torch.from_numpy(tile_index).long(), light=light,
         environment=_environment(scene.environment, panorama_size(config)), volumes=_volumes(scene.volumes),
         beam_axis=torch.from_numpy(scene.beam_axis[is_light]),
-        beam_cosine=torch.from_numpy(scene.beam_cosine[is_light]),
+        beam_cosine=torch.from_numpy(borders[is_light]),
         sent=torch.zeros(len(scene), 2, 3) if direct is None else _sent(scene, direct).cpu())
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from ..beams import smoothed
 from ..environment import environment_images
 from ..errors import SceneError
 from ..material.mappers import LATENT_DIM, Appearance
@@ -53,7 +54,8 @@ class SceneEncoder:
         lobes = None if scene.two_lobes is None else np.concatenate([
             scene.two_lobes, np.zeros((1, *scene.two_lobes.shape[1:]), np.float16)])[used]
         texture = self._tile_latents(tiles[used], own_latents[used], lobes)
-        return ProcessedScene(bring_lights_near(scene), scene.normals, texture, index.reshape(-1), scene.emission,
+        return ProcessedScene(bring_lights_near(scene), scene.normals, texture, index.reshape(-1),
+                              smoothed(scene.emission, scene.beam_cosine)[0],
                               scene.environment, scene.volumes)
 
     def inputs(self, scene: ProcessedScene) -> NetworkInputs:

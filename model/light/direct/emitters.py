@@ -16,7 +16,7 @@ DISTANT = 15.0      # network units; an open surface beyond is a sun, which look
 MAX_EMITTERS = 96   # of a scene, as many as eight disk lamps: time and memory of direct light grow with them
 MAX_POLYGONS = 16   # triangles of one connected emitter that are kept one by one
 MAX_LUMPS = 16      # what a larger one is merged into
-NARROW = 0.7        # cosine of the rim of a beam from which on a flat one is as many parts
+NARROW = {4: 0.3, MAX_LUMPS: 0.97}  # cosines of the rim of a beam from which on a flat one is so many parts
 MAX_AROUND = 64     # and one that surrounds what it lights
 INSIDE = 0.5        # share of the scene's radius that is inside such a one at least
 MAX_PARTS = 8       # that a closed one is divided into which is neither round nor straight
@@ -87,8 +87,9 @@ def _gathered(corners: np.ndarray, light: np.ndarray, center: np.ndarray, radius
             spheres.append((middle, np.sqrt(area / (1 + area / (middle @ middle))), own))  # of the same solid angle
         elif not _is_closed(vectors):
             pieces = _pieces(shape)
-            if own[3:6].any() and own[6] > NARROW:  # each point lights what is before it
-                pieces = [(part, shell) for outline, shell in pieces for part in cut(outline, MAX_LUMPS // len(pieces))]
+            count = max((parts for parts, rim in NARROW.items() if own[3:6].any() and own[6] > rim), default=0)
+            if count:  # each point lights what is before it
+                pieces = [(part, shell) for outline, shell in pieces for part in cut(outline, count // len(pieces))]
             polygons += [(*piece, own) for piece in pieces]
         elif _surrounds(shape, vectors, center, radius):
             polygons += [(*piece, own) for piece in _pieces(shape, MAX_AROUND)]

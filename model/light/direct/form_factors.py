@@ -13,10 +13,12 @@ import math
 import torch
 from torch import Tensor
 
+from ...beams import SPREAD
 from ..vectors import cross, dot, length, unit
 
 BLUR = 1.25  # of beams by emitters, which reaches the middle of the next one of a grid of them
 MOST_SINE2 = 0.999  # of an emitter that fills half of what is seen
+TIP, EDGE = 0.67, 0.87  # mean and deviation of a disk's points, in radii, to where a cone is sharp
 EDGE_BLUR = 2.24  # of a beam's edge by the emitter: width of a smooth step that deviates as much as a disk of radius 1
 
 
@@ -51,22 +53,45 @@ def cosines(direction: Tensor, vector: Tensor) -> Tensor:
 def beam(direction: Tensor, sine2: Tensor, axis: Tensor, cosine: Tensor) -> Tensor:
     """(P, E) share of radiance that emitters send along `direction` within the cones of their beams.
 
+    Either smooth ones or those of area lamps with a spread (model/beams.py).
     An emitter that looks large, by its squared sine (P, E), blurs the edge of its cone. One that looks larger than the
     cone's core blurs all of it: that is wider and as much dimmer, so that emitters side by side light what lies before
     them evenly.
     axis: (E, 3), 0 for emitters without a beam, whose share is 1; cosine: (E, 2), of the cone's rim and core.
     """
-    rim, core = cosine.unbind(1)
+    toward = -dot(direction, axis.T[:, None], 0)
+    is_spread = cosine[:, 1] == SPREAD
+    share = _smooth_share(toward, sine2, *cosine.unbind(1))
+    if is_spread.any():
+        share = torch.where(is_spread, _spread_share(toward, sine2, cosine[:, 0]), share)
+    return share.where(axis.square().sum(-1) > 0.25, 1.0)
+
+
+def _smooth_share(toward: Tensor, sine2: Tensor, rim: Tensor, core: Tensor) -> Tensor:
     core_sine2 = (1 - core.square()).clamp_min(0) * (rim > 0)  # what is before a flat light ends sharply
     beyond = (sine2.sqrt() - core_sine2.sqrt()).clamp_min(0)
     wider = 1 + BLUR * beyond.square() * rim.clamp_min(0) / (1 - rim).clamp_min(1e-6)
     width = (core - rim).clamp_min(1e-6)
     blurred = (width.square() + EDGE_BLUR ** 2 * sine2 * core_sine2).sqrt().minimum(2 - core - rim)
     edge = (blurred - width).clamp_min(0) / 2  # at either side
-    toward = -dot(direction, axis.T[:, None], 0)
     t = (toward - rim + edge + (1 - toward) * (1 - 1 / wider)) / (width + 2 * edge)
     t = t.clamp(0, 1)
-    return (t * t * (3 - 2 * t) / wider).where(axis.square().sum(-1) > 0.25, 1.0)
+    return t * t * (3 - 2 * t) / wider
+
+
+def _spread_share(toward: Tensor, sine2: Tensor, border: Tensor) -> Tensor:
+    """What falls linearly in the tangent, to 0 at a border's cosine (E,), as the mean over an emitter.
+
+    That is a disk in the plane of tangents. A cone narrower than the disk is as wide, and as much dimmer.
+    """
+    cosine = toward.clamp_min(1e-3)
+    radius = (sine2 / cosine ** 3).sqrt()
+    tangent = ((1 - cosine.square()).clamp_min(0) / cosine.square() + (TIP * radius).square()).sqrt()
+    border = (1 - border.square()).clamp_min(0).sqrt() / border.clamp_min(1e-6)
+    wider = torch.maximum(border.expand_as(radius), 2 * radius)
+    within, edge = wider - tangent, (EDGE * radius).clamp_min(1e-9)
+    share = torch.where(within < edge, (within + edge).clamp_min(0).square() / (4 * edge), within) / wider
+    return share * (border / wider).square() * (toward > 0)
 
 
 def sheen_form_factor(cosine: Tensor, sine2: Tensor, stretch: Tensor) -> Tensor:

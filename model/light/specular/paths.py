@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...beams import beam_share
 from ...first_hits.from_rays import colors_of_texels
 from ...first_hits.sheets import own_texels
 from ...geometry import dot, reflected, refracted
@@ -224,7 +225,6 @@ def _exit_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray, directi
 def _emitted(scene: RenderScene, token: np.ndarray, direction: np.ndarray, ray: np.ndarray) -> np.ndarray:
     """(P, 3) radiance of tokens (P,) that shine, or for -1 of the sky, along unit vectors (P, 3) of these rays (P,)."""
     sky = seen_sky(scene, direction, ray)
-    axis, (outer, inner) = scene.beam_axis[token], scene.beam_cosine[token].T
-    share = ((-dot(axis, direction) - outer) / np.maximum(inner - outer, 1e-4)).clip(0, 1)
-    share = np.where(axis.any(1), share * share * (3 - 2 * share), 1)
+    axis = scene.beam_axis[token]
+    share = np.where(axis.any(1), beam_share(-dot(axis, direction), scene.beam_cosine[token]), 1)
     return np.where(token[:, None] < 0, sky, scene.emission[token] * share[:, None])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Beams of lamps: cosines (outer, inner) between which radiance rises smoothly (model/scene.py, `beam_cosine`).
+"""Beams of lamps: borders as `beam_cosine` of model/scene.py has them.
 
 Light that differs by direction is approximated with a few cones, chosen one after the other, each where most is missing
 (matching pursuit, Mallat and Zhang 1993).
@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ....model.beams import beam_share
 from ....model.scene import HALF_SPACE
 
 EDGE = HALF_SPACE[1]                # least width, in cosines, of a beam's border
@@ -21,27 +22,6 @@ SOFTNESS = 0.1, 0.5, 1.0, 1.5                                    # of the border
 AXES = 10                                                        # on which cones are tried, and two for what is missing
 ENOUGH = 0.03                                                    # of the light in the wrong direction
 ROUNDS = 100                                                     # in which strengths settle
-
-
-def fit_spread_beam(spread: float) -> tuple[float, tuple[float, float]]:
-    """Gain on the radiance and beam cosines (outer, inner) that come nearest to an area lamp's spread angle.
-
-    Cycles lets radiance fall linearly in the tangent, (tan H - tan a) / (tan H - H) with H half the spread. The beam
-    here is smooth in the cosine: it keeps the flux, `inner` is the least-squares fit (above 1 for a peaked beam).
-    """
-    half = min(spread / 2, math.pi / 2 - 1e-3)
-    if spread > math.pi - 0.01:
-        return 1.0, HALF_SPACE
-    angle = np.linspace(0, half, 200)
-    flux = np.cos(angle) * np.sin(angle) / len(angle)
-    exact = (math.tan(half) - np.tan(angle)) / max(math.tan(half) - half, 1e-12)
-    outer = math.cos(half)
-    inner = (outer + (1 - outer) * np.linspace(0.05, 1.5, 150))[:, None]
-    t = np.clip((np.cos(angle) - outer) / (inner - outer), 0, 1)
-    beam = t * t * (3 - 2 * t)
-    gain = (exact * flux).sum() / (beam * flux).sum(axis=1, keepdims=True)
-    best = int(((gain * beam - exact) ** 2 * flux).sum(axis=1).argmin())
-    return float(gain[best, 0]), (outer, float(inner[best, 0]))
 
 
 def find_spot_beam(light, stretch: float) -> tuple[float, float]:
@@ -69,12 +49,6 @@ def sphere(count: int = 2048) -> np.ndarray:
     z, turn = 1 - 2 * k / count, math.pi * (3 - math.sqrt(5)) * k
     flat = np.sqrt(1 - z * z)
     return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=-1).astype(np.float32)
-
-
-def smoothstep(outer, inner, cosine):
-    """How much of its radiance a beam sends where the cosine to its axis is this."""
-    t = np.clip((cosine - outer) / np.maximum(inner - outer, 1e-4), 0, 1)
-    return t * t * (3 - 2 * t)
 
 
 def cones(light: np.ndarray, weight: np.ndarray) -> tuple[list[Cone], float]:
@@ -117,7 +91,7 @@ def _candidates(missing: np.ndarray, chosen: list):
         for outer in np.cos(WIDTHS):
             for soft in SOFTNESS:
                 candidates.append((axis, (float(outer), float(outer + (1 - outer) * soft))))
-                sent.append(smoothstep(*candidates[-1][1], cosine))
+                sent.append(beam_share(cosine, candidates[-1][1]))
     return candidates, np.stack(sent, axis=1)
 
 

@@ -10,11 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from ....model.beams import spread_borders
 from ....model.geometry import area_vectors
 from ....model.scene import HALF_SPACE, RenderScene
 from ..data.copied import Sun
 from . import shapes
-from .beams import Cone, find_spot_beam, fit_spread_beam
+from .beams import Cone, find_spot_beam
 from .lamp_power import ball_power, compute_lamp_light, normalized
 from .placed_lamp import Detail, PlacedLamp, beams, find_half_angle, rotation
 from .shapes import DARK, black, shining
@@ -22,7 +23,8 @@ from .shapes import DARK, black, shining
 BALL_RADIUS = 0.01            # of the scene radius: least size of a point or spot lamp
 SUN_ANGLE = math.radians(0.5)  # least diameter of a sun
 SUN_DISTANCE = 50             # scene radii
-LEAST_SPREAD = math.radians(0.5)  # of an area lamp, whose size blurs narrower beams anyway
+LEAST_SPREAD = math.radians(0.5)  # of an area lamp, whose size blurs narrower beams anyway,
+WIDEST_SPREAD = math.pi - 0.01    # and from which on it has none
 CELL = 0.35                   # scene radii: target for the side of one cell of an area lamp
 CELLS_OF_TEXTURE = 6  # along a side, at least
 DOWN, NOWHERE = np.array([0.0, 0.0, -1.0]), np.zeros(3)  # where a lamp shines in its frame; of light without a beam
@@ -81,10 +83,9 @@ def _area(lamp: PlacedLamp) -> RenderScene:
         fewest = 1 if lamp.light_output.texture is None else CELLS_OF_TEXTURE
         cells = np.ceil(size / (CELL * lamp.scene_radius)).clip(fewest).clip(max=lamp.detail.most_cells).astype(int)
         front, back = shapes.rectangle(*size, *cells), shapes.rectangle(*size)
-    if light.spread < math.pi - 0.01:
-        lamp.approximated(f"with a spread of {math.degrees(light.spread):.0f} degrees its estimated light falls off "
-                          "slightly differently")
-    gain, border = fit_spread_beam(max(light.spread, LEAST_SPREAD))
+    gain, border = 1.0, HALF_SPACE
+    if light.spread < WIDEST_SPREAD:
+        gain, border = spread_borders(max(light.spread, LEAST_SPREAD))
     per_watt = 1 / (math.pi * (shapes.area(front) if normalized(light) else 1))
     scene = black(lamp.to_world(back[:, ::-1] + [0, 0, 0.01 * size.min()]))
     for strength, axis, cosines in beams(lamp, Cone(gain * lamp.strength, DOWN, border), facing=True):

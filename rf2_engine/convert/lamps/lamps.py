@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....model import progress
+from ....model.beams import smoothed
 from ....model.clusters import split_clusters
 from ....model.geometry import area_vectors
 from ....model.scene import RenderScene
@@ -113,7 +114,8 @@ def _summary(shape: RenderScene) -> tuple[np.ndarray, np.ndarray, np.ndarray, in
     emits, vectors = shape.is_light, area_vectors(shape.triangles[shape.is_light].astype(np.float64))
     areas, emission, axis = np.linalg.norm(vectors, axis=-1), shape.emission[emits], shape.beam_axis[emits]
     flat = np.linalg.norm(vectors.sum(axis=0)) > 0.5 * areas.sum()
-    border = shape.beam_cosine[emits].mean(axis=1).clip(-1, 1)
+    emission, border = smoothed(emission, shape.beam_cosine[emits])
+    border = border.mean(axis=1).clip(-1, 1)
     share = np.where(axis.any(axis=1), 1 - border ** 2 if flat else (1 - border) / 2, 1)  # of light within the beam
     flux = np.pi * (areas * share)[:, None] * emission
     weight = flux.mean(axis=1)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ....model.beams import beam_share
 from ..data.blocks import Lamp
-from .beams import Cone, cones, smoothstep, sphere
+from .beams import Cone, cones, sphere
 from .lamp_power import LampLight
 
 MOST_LIGHT = 0.95  # of a lamp's light is within its half angle
@@ -68,7 +69,7 @@ def beams(lamp: PlacedLamp, own: Cone, facing: bool = False) -> list[Cone]:
         return [own]
     cosine = -sphere(len(light))[:, 2]
     if own.axis.any():
-        light = light * smoothstep(*own.cosines, cosine)[:, None] * (own.strength / np.maximum(lamp.strength, 1e-30))
+        light = light * beam_share(cosine, own.cosines)[:, None] * (own.strength / np.maximum(lamp.strength, 1e-30))
     fitted, misplaced = cones(light, np.maximum(cosine, 0) if facing else np.ones_like(cosine))
     say = lamp.guessed if misplaced > MISPLACED else lamp.approximated
     say(f"{len(fitted)} cones approximate its light, and {100 * misplaced:.0f} % of it goes in other directions")

@@ -2,6 +2,7 @@
 """What the light tokens and the panorama of a converted scene say, integrated, to compare with cycles_reference.py."""
 import numpy as np
 
+from bl_ext.user_default.renderformer_v2.model.beams import beam_share
 from bl_ext.user_default.renderformer_v2.model.geometry import latlong_directions
 
 
@@ -18,9 +19,8 @@ def integrated(scene, point, normal, cuts=12):
     away = away / distance
     emitted = np.maximum((away * area).sum(axis=-1), 0)
     received = np.maximum(-away @ (np.asarray(normal) / np.linalg.norm(normal)), 0)
-    outer, inner = (scene.beam_cosine[:, k, None].astype(np.float64) for k in (0, 1))
-    t = np.clip(((away * scene.beam_axis[:, None]).sum(axis=-1) - outer) / np.maximum(inner - outer, 1e-9), 0, 1)
-    beam = np.where(scene.beam_axis.any(axis=1)[:, None], t * t * (3 - 2 * t), 1)
+    share = beam_share((away * scene.beam_axis[:, None]).sum(axis=-1), scene.beam_cosine[:, None])
+    beam = np.where(scene.beam_axis.any(axis=1)[:, None], share, 1)
     return (emitted * received * beam / distance[..., 0] ** 2).sum(axis=1) @ scene.emission
 
 

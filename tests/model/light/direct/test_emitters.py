@@ -205,7 +205,7 @@ def test_pieces_of_an_outline_have_its_area_and_no_long_sides(corners):
     assert max(np.ptp(piece, axis=0).max() for piece in pieces) < 0.3 * np.ptp(whole, axis=0).max()
 
 
-@pytest.mark.parametrize("degrees, count", [(20, 16), (120, 1)])
+@pytest.mark.parametrize("degrees, count", [(20, 16), (120, 4), (150, 1)])
 def test_a_flat_lamp_with_a_narrow_beam_lights_what_is_before_each_part(degrees, count):
     cosine = np.cos(np.radians(degrees / 2)), 1.0
     emitters = gather_emitters(lit_by(grid(2, 2, 1, 1, 2), 5.0, -UP, cosine))
