@@ -25,13 +25,13 @@ def seen_colors(colors: np.ndarray, texel: np.ndarray, cosine: np.ndarray, scene
     above = np.zeros((len(texel), 1), np.float32)
     if scene.coat is not None:
         weight, coat_f0, of_coat, _ = scene.coat[tile].T
-        straight, slanting = split_sum(cosine, of_coat)
-        above = (weight * (coat_f0 * straight + slanting))[:, None]
+        white, _, slanting = split_sum(cosine, of_coat)
+        above = (weight * (coat_f0 * (white - slanting) + slanting))[:, None]
         roughness = roughness_below(roughness, scene.coat[tile])
         f0 = (1 - (1 - f0) / (1 - weight * coat_f0)).clip(0)  # of the layer below, which the tile's contains both
-    straight, slanting = (x[:, None] for x in split_sum(cosine, roughness))
-    metal = (base * straight + slanting) / (straight + slanting)  # with the light between its facets
-    layer = f0[:, None] * straight + (f0[:, None] / LEAST_LAYER).clip(max=1) * slanting
+    white, of_metal, slanting = (x[:, None] for x in split_sum(cosine, roughness))
+    metal = base + (1 - base) * of_metal / white  # with the light between its facets
+    layer = f0[:, None] * (white - slanting) + (f0[:, None] / LEAST_LAYER).clip(max=1) * slanting
     glossy = above + (1 - above) * (metallic * metal + (1 - metallic) * layer)
     glossy -= metallic * base + (1 - metallic) * normal_reflectance(texel[:, IOR, None])
     diffuse = colors[0]

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fresnel reflectance of glossy lobes: facets that light meets at a slant reflect more.
 
-By Schlick's approximation (1994); the mean over a lobe is both halves of a split sum (Karis 2013). f0, the reflectance
-at normal incidence, is relative to that at grazing angles. Of metals it is the base color, as of the Principled BSDF.
+As in Cycles, dielectrics by their real curve and metals by Schlick's (1994); the mean over a lobe is both halves of a
+split sum (Karis 2013). f0, the reflectance at normal incidence, is relative to that at grazing angles and tells the two
+apart. Of metals it is the base color, as of the Principled BSDF.
 """
 from __future__ import annotations
 
@@ -13,28 +14,38 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..compute.devices import run_operator
-from .sampling import ggx_directions
+from ..material.reflectance import split_sum_table
 
-GRID = 24, 32       # roughnesses and cosines in the table
-RAYS = 256          # of each entry
+LAYERS, METAL = (0.01, 0.1), 0.25  # f0 of dielectrics, and from which on surfaces are metal
 LEAST_ALBEDO = 1e-3
-MEAN_SLANT = 1 / 21         # of `slant` over uniform light
+MEAN_SLANT = 0.0516, 1 / 21  # of `slant` over uniform light, of dielectrics of IOR 1.5 and of metals
 SMOOTH = 4.08567, 1.00071   # of the mean reflectance of a smooth dielectric (Kulla and Conty 2017)
 
 
-def schlick(f0: Tensor, cosine: Tensor) -> Tensor:
+def reflectance(f0: Tensor, cosine: Tensor) -> Tensor:
     """Reflectance of facets that light meets at this cosine."""
-    return f0 + (1 - f0) * slant(cosine)
+    return f0 + (1 - f0) * slant(f0, cosine)
 
 
-def slant(cosine: Tensor) -> Tensor:
-    """The weight of grazing reflectance in `schlick`."""
-    return (1 - cosine).clamp(0, 1) ** 5
+def slant(f0: Tensor, cosine: Tensor) -> Tensor:
+    """How far they reflect as at grazing angles, where they reflect all light."""
+    cosine = cosine.clamp(0, 1)
+    layer = f0.clamp(*LAYERS)
+    amplitude = layer.sqrt()
+    g = (((1 + amplitude) / (1 - amplitude)).square() - 1 + cosine.square()).sqrt()
+    along = (cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1)
+    of_layer = ((g - cosine) / (g + cosine)).square() / 2 * (1 + along.square())
+    return torch.lerp((of_layer - layer) / (1 - layer), (1 - cosine) ** 5, is_metal(f0))
+
+
+def is_metal(f0: Tensor) -> Tensor:
+    """Share of metal, whose curve is Schlick's."""
+    return ((f0 - LAYERS[1]) / (METAL - LAYERS[1])).clamp(0, 1)
 
 
 def lobe_albedo(f0: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
     """(P,) share of uniform light that the lobe reflects to a viewer at this cosine, without light between facets."""
-    straight, slanting = _split_sum(cosine, roughness)
+    straight, slanting = _split_sum(f0, cosine, roughness)
     return (f0 * straight + slanting).clamp_min(LEAST_ALBEDO)
 
 
@@ -47,9 +58,10 @@ def layer_albedo(f0: Tensor, roughness: Tensor, facets: Tensor | None = None) ->
     amplitude = f0.sqrt()
     index = (1 + amplitude) / (1 - amplitude).clamp_min(1e-3)
     smooth = (index - 1) / (SMOOTH[0] + SMOOTH[1] * index)
-    straight, slanting = _uniform_sum(roughness if facets is None else facets)
-    grazing = (smooth - f0).clamp_min(0) / MEAN_SLANT / (1 - f0).clamp_min(1e-3)  # 1 in Schlick's approximation
-    between = smooth * (1 / sum(_uniform_sum(roughness)) - 1).clamp_min(0)
+    straight, slanting = _uniform_sum(f0, roughness if facets is None else facets)
+    mean_slant = MEAN_SLANT[0] + (MEAN_SLANT[1] - MEAN_SLANT[0]) * is_metal(f0)
+    grazing = (smooth - f0).clamp_min(0) / mean_slant / (1 - f0).clamp_min(1e-3)  # 1 if its IOR is 1.5
+    between = smooth * (1 / sum(_uniform_sum(f0, roughness)) - 1).clamp_min(0)
     return (f0 * straight + grazing * slanting) * (1 + between)
 
 
@@ -58,43 +70,38 @@ def gain(f0: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
 
     f0, roughness: (P,); cosine: (P, E), at which the light arrives.
     """
-    of_emitters = _split_sum(*torch.broadcast_tensors(cosine, roughness[:, None]))
-    of_uniform = _uniform_sum(roughness)
+    of_emitters = _split_sum(*torch.broadcast_tensors(f0[:, None], cosine, roughness[:, None]))
+    of_uniform = _uniform_sum(f0, roughness)
     emitters, uniform = (f0[:, None] * straight + slanting
                          for straight, slanting in (of_emitters, (x[:, None] for x in of_uniform)))
     return emitters / uniform.clamp_min(LEAST_ALBEDO)
 
 
-def _split_sum(cosine: Tensor, roughness: Tensor, table: Tensor | None = None) -> tuple[Tensor, Tensor]:
+def _split_sum(f0: Tensor, cosine: Tensor, roughness: Tensor, table: Tensor | None = None) -> tuple[Tensor, Tensor]:
     """Factor of f0, and what slanting facets add to it; all of one shape."""
     table = _table(cosine.device) if table is None else table
     at = torch.stack([cosine.abs().flatten(), roughness.flatten()], -1) * 2 - 1
-    sampled = run_operator("grid_sampler_2d", F.grid_sample, table, at[None, None], mode="bilinear",
-                         padding_mode="border", align_corners=True)
-    return sampled[0, 0].view_as(cosine), sampled[0, 1].view_as(cosine)
+    white, of_metal, of_layer = (x.view_as(cosine) for x in run_operator(
+        "grid_sampler_2d", F.grid_sample, table, at[None, None], mode="bilinear", padding_mode="border",
+        align_corners=True)[0, :, 0])
+    slanting = torch.lerp(of_layer, of_metal, is_metal(f0))
+    return white - slanting, slanting
 
 
-def _uniform_sum(roughness: Tensor) -> tuple[Tensor, Tensor]:
+def _uniform_sum(f0: Tensor, roughness: Tensor) -> tuple[Tensor, Tensor]:
     """The same of uniform light."""
-    return _split_sum(torch.zeros_like(roughness), roughness, _mean_table(roughness.device))
+    return _split_sum(f0, torch.zeros_like(roughness), roughness, _mean_table(roughness.device))
 
 
 @cache
 def _mean_table(device: torch.device) -> Tensor:
-    """(1, 2, roughness, 1), for uniform light."""
+    """(1, 3, roughness, 1), for uniform light."""
     table = _table(device)
-    cosine = torch.linspace(0, 1, GRID[1], device=device)
+    cosine = torch.linspace(0, 1, table.shape[-1], device=device)
     return (table * cosine).sum(-1, keepdim=True) / cosine.sum()
 
 
 @cache
 def _table(device: torch.device) -> Tensor:
-    """(1, 2, roughness, cosine)."""
-    roughness, cosine = (axis.flatten() for axis in torch.meshgrid(
-        *(torch.linspace(0, 1, count) for count in GRID), indexing="ij"))
-    cosine = cosine.clamp_min(0.01)
-    viewer = torch.stack([(1 - cosine.square()).sqrt(), torch.zeros_like(cosine), cosine], -1)
-    up, start = torch.tensor([[0.0, 0.0, 1.0]]).expand_as(viewer), torch.full((len(cosine), 2), 0.5)
-    _, weight, towards, _ = ggx_directions(up, viewer, roughness, RAYS, start)
-    slanting = slant(towards)
-    return torch.stack([(weight * share).mean(1).view(GRID) for share in (1 - slanting, slanting)])[None].to(device)
+    """(1, 3, roughness, cosine)."""
+    return torch.from_numpy(split_sum_table()).float()[None].to(device)

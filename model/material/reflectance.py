@@ -10,6 +10,7 @@ import numpy as np
 
 from ..geometry import unit
 
+LAYER_IOR = 1.5     # of layers, whose curves are much alike
 LEAST_LAYER = 5e-3  # f0 from which on a layer reflects everything at grazing angles
 TABLE, FACETS, LEAST_TABLED = (24, 32), 256, 0.05  # roughnesses and cosines, of each so many facets; least roughness
 GOLDEN = (5 ** 0.5 - 1) / 2
@@ -56,21 +57,26 @@ def visible_facets(normal: np.ndarray, ray: np.ndarray, alpha: np.ndarray, rando
     return np.einsum("nkc,nk->nc", axes, facet).astype(np.float32)
 
 
-def split_sum(cosine: np.ndarray, roughness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(N,) factor of f0 in the share of uniform light that a GGX lobe reflects to a viewer at cosines (N,), and what
-    slanting facets add to it (Karis 2013); roughness: (N,), perceptual."""
-    table = _split_sum_table()
+def slants(cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far facets that light meets at cosines reflect as at grazing angles: of metals (Schlick 1994), of layers."""
+    f0 = normal_reflectance(LAYER_IOR) / 2
+    return (1 - cosine).clip(0, 1) ** 5, (fresnel(cosine, np.float64(LAYER_IOR)) - f0) / (1 - f0)
+
+
+def split_sum(cosine: np.ndarray, roughness: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(N,) share of uniform light that white GGX facets reflect to a viewer at cosines (N,), and how much of it as
+    `slants` of metals and of layers say (Karis 2013); roughness: (N,), perceptual."""
+    table = split_sum_table()
     row, column = (x.clip(0, 1) * (size - 1) for x, size in zip((roughness, cosine), table.shape[1:], strict=True))
     top, left = (x.astype(int).clip(max=size - 2) for x, size in zip((row, column), table.shape[1:], strict=True))
     down, right = row - top, column - left
     upper, lower = ((1 - right) * table[:, i, left] + right * table[:, i, left + 1] for i in (top, top + 1))
-    straight, slanting = np.float32((1 - down) * upper + down * lower)
-    return straight, slanting
+    return tuple(np.float32((1 - down) * upper + down * lower))
 
 
 @cache
-def _split_sum_table() -> np.ndarray:
-    """(2, roughness, cosine) of these, from 0 to 1."""
+def split_sum_table() -> np.ndarray:
+    """(3, roughness, cosine) of these, from 0 to 1."""
     roughness, cosine = (x.ravel() for x in np.meshgrid(*(np.linspace(0, 1, n) for n in TABLE), indexing="ij"))
     alpha, cosine = roughness.clip(LEAST_TABLED).repeat(FACETS) ** 2, cosine.clip(0.01).repeat(FACETS)
     k = np.tile(np.arange(FACETS), len(roughness))
@@ -80,9 +86,8 @@ def _split_sum_table() -> np.ndarray:
     facing = np.einsum("nc,nc->n", facet, viewer)
     leaving = 2 * facing * facet[:, 2] - cosine
     weight = np.where(leaving > 0, unmasked(cosine, leaving, alpha), 0)
-    slant = (1 - facing).clip(0, 1) ** 5
-    means = np.stack([weight * (1 - slant), weight * slant]).reshape(2, -1, FACETS).mean(2)
-    return means.reshape(2, *TABLE)
+    means = np.stack([weight, *(weight * slant for slant in slants(facing))]).reshape(3, -1, FACETS).mean(2)
+    return means.reshape(3, *TABLE)
 
 
 def unmasked(before: np.ndarray, behind: np.ndarray, alpha: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..fresnel import lobe_albedo, slant
+from ..fresnel import lobe_albedo, reflectance
 from ..sampling import smith_root
 from ..vectors import dot
 
@@ -45,7 +45,6 @@ class PatchLobes:
         length2 = dot(half, half, 0).clamp_min_(1e-6)
         facet2 = dot(normal, half, 0).square_() / length2     # squared cosine of facets
         facing = length2.sqrt_() / 2                       # cosine of light on them
-        reflectance = torch.lerp(slant(facing), torch.ones_like(f0), f0)
         shape = alpha2 / (facet2 * (alpha2 - 1) + 1).square_()
         masking = (after * root_before + before * smith_root(after, alpha2)).clamp_min_(1e-6)
-        return scale * reflectance * shape / masking - concentration
+        return scale * reflectance(f0, facing) * shape / masking - concentration

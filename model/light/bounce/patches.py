@@ -25,6 +25,7 @@ from ..fresnel import layer_albedo
 from ..sampling import hashed_starts, triangle_weights
 from .grouping import group_elements, group_patches
 from .openness import Openness
+from .slices import slice_counts
 from .subdivision import PieceLocator, Subdivision
 
 PATCHES = 1 << 15
@@ -180,13 +181,16 @@ def _layer(means: np.ndarray) -> np.ndarray:
 
 
 def _split(subdivision: Subdivision, emitters: NearEmitters, shines: np.ndarray, most: int) -> None:
-    """Quarter the triangles that look largest: a large patch would light points close to it wrongly.
+    """Slice needles, and quarter the triangles that look largest: a large patch would light points close to it wrongly.
 
     There are `most` triangles then, or `most` / 2 more than before if that is more, which leaves room for walls beside
     fine meshes that are merged afterwards. shines: (G,) bool, triangles that are emitters themselves.
     """
     count = len(subdivision.corners)
     target = max(most, count + most // 2) if count else 0
+    area = np.linalg.norm(area_vectors(subdivision.corners), axis=1)
+    density = patch_density(subdivision.corners.mean(axis=1), emitters, shines[subdivision.source], np.sqrt(area))
+    subdivision.slice(slice_counts(subdivision.corners, area * density, density, target))
     size = _apparent_size(subdivision.corners, emitters, shines[subdivision.source])
     while room := (target - len(size)) // 3:
         order = np.argsort(-size, kind="stable")

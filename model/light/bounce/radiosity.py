@@ -25,7 +25,7 @@ from ..caustics.photons import Photons, lit_surfaces, trace_photons
 from ..direct.direct_light import DirectLight
 from ..direct.environment_light import LIFT
 from ..effort import FULL, Effort
-from ..fresnel import schlick
+from ..fresnel import reflectance
 from ..probes import CHUNK
 from ..sampling import ggx_directions, hashed_starts, r2_starts
 from .bright_patches import importance_by_arrival, importance_by_power
@@ -228,7 +228,7 @@ class Radiosity:
         direction, weight, cosine, density = ggx_directions(normal, outgoing, roughness, effort.of_probe(GLOSSY_RAYS),
                                                             r2_starts(number))
         gathered = self.gather_scene.glossy(position, normal, direction, roughness)
-        weight = weight * schlick(f0[:, None], cosine)
+        weight = weight * reflectance(f0[:, None], cosine)
         weight = weight / weight.mean(1, keepdim=True).clamp_min(1e-6)
         if not self._most.glossily:
             weight = torch.zeros_like(weight)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles that are quartered again and again, and the piece that a point on one of them lies in."""
+"""Triangles that are sliced and quartered again and again, and the piece that a point on one of them lies in."""
 from __future__ import annotations
 
 import numpy as np
@@ -9,6 +9,7 @@ from torch.nn import functional as F
 
 from ...geometry import area_vectors, quartered
 from ..direct.terminator import edge_heights, heights
+from .slices import Slices, sharp_corners, weights_of_parts
 
 CANDIDATES = 1 << 14  # triangles, the largest, that may be quartered
 DEEPEST = 8           # times
@@ -29,6 +30,29 @@ class Subdivision:
         self.corners, self.source = triangles[rows], rows
         self._weights = np.tile(np.eye(3, dtype=np.float32), (len(rows), 1, 1))  # of the corners of the source
         self._depth = np.zeros(len(rows), np.int64)
+        self._part, self._slices = self.source, None  # of a triangle, as of Slices
+
+    def slice(self, count: np.ndarray) -> None:
+        """Cut pieces, which are whole triangles, into so many slices (C,), before any is quartered."""
+        cut, triangles = np.flatnonzero(count > 1), len(self._triangles)
+        if not len(cut):
+            return
+        sharp, rest = sharp_corners(self.corners[cut])[0], np.flatnonzero(count == 1)
+        weights = [weights_of_parts(*of) for of in zip(sharp.tolist(), count[cut].tolist(), strict=True)]
+        parts = np.array([len(x) for x in weights])
+        weights, source = np.concatenate(weights), self.source[cut].repeat(parts)
+        first = np.arange(triangles + 1)
+        counts, sharps = np.ones_like(first), np.zeros_like(first)
+        first[self.source[cut]] = triangles + np.cumsum(parts) - parts
+        first[-1] = -1
+        counts[self.source[cut]], sharps[self.source[cut]] = count[cut], sharp
+        inverse = np.linalg.inv(weights.transpose(0, 2, 1).astype(np.float64)).astype(np.float32)
+        self._slices = Slices(*map(torch.from_numpy, (first, counts, sharps, inverse)))
+        self._part = np.concatenate([self.source[rest], triangles + np.arange(len(source))])
+        self.source = np.concatenate([self.source[rest], source])
+        self._weights = np.concatenate([self._weights[rest], weights])
+        self.corners = self._weights @ self._triangles[self.source]
+        self._depth = np.zeros(len(self.source), np.int64)
 
     def quarter(self, chosen: np.ndarray) -> np.ndarray:
         """Quarter pieces by their rows; returns the rows (K,) of the new ones, all behind the others."""
@@ -36,8 +60,9 @@ class Subdivision:
         rest = np.delete(np.arange(len(self.corners)), chosen)
         self.corners, self._weights = (np.concatenate([x[rest], quartered(x[chosen])])
                                        for x in (self.corners, self._weights))
-        self.source, self._depth = (np.concatenate([x[rest], np.tile(more, 4)]) for x, more in (
-            (self.source, self.source[chosen]), (self._depth, self._depth[chosen] + 1)))
+        self.source, self._part, self._depth = (np.concatenate([x[rest], np.tile(more, 4)]) for x, more in (
+            (self.source, self.source[chosen]), (self._part, self._part[chosen]),
+            (self._depth, self._depth[chosen] + 1)))
         return np.arange(len(rest), len(self.corners))
 
     @property
@@ -61,45 +86,57 @@ class Subdivision:
 
     def locator(self) -> PieceLocator:
         """Finds the pieces, for what hits the triangles."""
-        count, none = len(self._triangles), len(self.source) + len(self.whole)
-        deepest = np.zeros(count, np.int64)
-        np.maximum.at(deepest, self.source, self._depth)
+        triangles, none = len(self._triangles), len(self.source) + len(self.whole)
+        parts, own_weights = triangles, self._weights
+        if self._slices:
+            parts += len(self._slices.inverse)
+            of_slice = self._part >= triangles
+            own_weights = own_weights.copy()
+            inverse = self._slices.inverse.numpy()[self._part[of_slice] - triangles]
+            own_weights[of_slice] = own_weights[of_slice] @ inverse.transpose(0, 2, 1)
+        deepest = np.zeros(parts, np.int64)
+        np.maximum.at(deepest, self._part, self._depth)
         is_split = deepest > 0
         size = np.where(is_split, 2 * 4 ** deepest, 1)
         begin = np.cumsum(size) - size
         table = np.full(size.sum() + 1, none)  # the last entry is for what is no part of the triangles
-        is_whole = ~is_split[self.source]
-        table[begin[self.source[is_whole]]] = np.flatnonzero(is_whole)
+        is_whole = ~is_split[self._part]
+        table[begin[self._part[is_whole]]] = np.flatnonzero(is_whole)
         table[begin[self.whole]] = len(self.source) + np.arange(len(self.whole))
         piece = np.flatnonzero(~is_whole)
-        weights, depth, source = self._weights[piece], self._depth[piece], self.source[piece]
-        while len(piece):  # down to the cells of the table, which all pieces of a triangle are divided into
-            done = depth == deepest[source]
+        weights, depth, part = own_weights[piece], self._depth[piece], self._part[piece]
+        while len(piece):  # down to the cells of the table, which all pieces of a part are divided into
+            done = depth == deepest[part]
             middle, side = torch.from_numpy(weights[done].mean(axis=1)), torch.from_numpy(2 ** depth[done])
-            table[begin[source[done]] + _cells(middle[:, :2], side).numpy()] = piece[done]
-            weights, depth, source, piece = (x[~done] for x in (weights, depth, source, piece))
+            table[begin[part[done]] + _cells(middle[:, :2], side).numpy()] = piece[done]
+            weights, depth, part, piece = (x[~done] for x in (weights, depth, part, piece))
             weights = quartered(weights)
-            depth, source, piece = np.tile(depth + 1, 4), np.tile(source, 4), np.tile(piece, 4)
+            depth, part, piece = np.tile(depth + 1, 4), np.tile(part, 4), np.tile(piece, 4)
         side, begin = np.append(np.where(is_split, 2 ** deepest, 1), 1), np.append(begin, len(table) - 1)
-        return PieceLocator(*map(torch.from_numpy, (side, begin, table)))
+        return PieceLocator(*map(torch.from_numpy, (side, begin, table)), self._slices)
 
 
 class PieceLocator:
-    """Tables of the pieces of G triangles, each of which has as many cells along its edges as its smallest piece."""
+    """Tables of the pieces of G parts of triangles, each of which has as many cells along its edges as its smallest
+    piece."""
 
-    def __init__(self, side: Tensor, begin: Tensor, table: Tensor):
+    def __init__(self, side: Tensor, begin: Tensor, table: Tensor, slices: Slices | None = None):
         """side, begin: (G + 1,) i64 cells along an edge, and first entry of the table; table: (K,) i64 pieces."""
-        self._side, self._begin, self._table = side, begin, table
+        self._side, self._begin, self._table, self._slices = side, begin, table, slices
         self._is_split = bool((side > 1).any())
 
     def to(self, device: torch.device) -> PieceLocator:
-        return PieceLocator(*(x.to(device) for x in (self._side, self._begin, self._table)))
+        return PieceLocator(*(x.to(device) for x in (self._side, self._begin, self._table)),
+                            self._slices and self._slices.to(device))
 
     def find(self, triangle: Tensor, weights: Tensor) -> Tensor:
         """Pieces (P,) i64 at weights (P, 2) of corners 0 and 1 of triangles (P,); one behind all for triangle -1."""
-        cell = self._begin[triangle]
+        part = triangle
+        if self._slices:
+            part, weights = self._slices.find(triangle, weights)
+        cell = self._begin[part]
         if self._is_split:
-            cell = cell + _cells(weights, self._side[triangle])
+            cell = cell + _cells(weights, self._side[part])
         return self._table[cell]
 
 

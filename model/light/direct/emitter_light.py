@@ -52,6 +52,7 @@ FINE, LARGE = 1.0, 100.0
 BENEATH = -0.3   # cosine to the middle of a round body, at most, of points on it
 PAIRS = 1 << 14  # of points and emitters, whose outlines are integrated over at a time
 STRONGEST = 3    # emitters that `strongest` finds
+IN_PLANE = 1e-3    # network units above the plane of a point up to which a polygon lies in it
 LARGE_SINE2 = 3e-3  # of a polygon, from which on what the horizon leaves of it is exact
 DIM = 0.02       # of the brightest highlight at a point, below which others are left out
 EMITTER = Channels(  # what it finds of an emitter at a point
@@ -429,12 +430,11 @@ class EmitterLight:
         Polygons that the horizon cuts count as spheres of their solid angle where they are small.
         """
         polygons = len(self.corners)
-        height = (n @ self.corners.flatten(0, 1).T).unflatten(1, self.corners.shape[:2])
-        ground = dot(x, n)[:, None] * ~self.is_distant[:polygons]
+        lowest, highest = self._heights(x, n)
         form_factor = sphere_form_factor(cosine, sine2)
         whole = cosine[:, :polygons].clamp_min(0) * sine2[:, :polygons]
-        of_polygons = torch.where(height.amin(2) >= ground, whole, form_factor[:, :polygons])
-        cut = (height.amin(2) < ground) & (height.amax(2) > ground) & (sine2[:, :polygons] > LARGE_SINE2)
+        of_polygons = torch.where(lowest >= 0, whole, form_factor[:, :polygons])
+        cut = (lowest < 0) & (highest > 0) & (sine2[:, :polygons] > LARGE_SINE2)
         point, emitter = cut.nonzero().unbind(1)
         for some, of_some in zip(point.split(PAIRS), emitter.split(PAIRS), strict=True):
             basis = local_basis(n[some])
@@ -442,18 +442,26 @@ class EmitterLight:
             of_polygons[some, of_some] = lambert_vector(ring)[2].abs() / (2 * math.pi)
         return torch.cat([of_polygons, form_factor[:, polygons:]], 1)
 
+    def _heights(self, x: Tensor, n: Tensor) -> tuple[Tensor, Tensor]:
+        """(P, E) of the lowest and the highest corner of polygons, above the planes of points with unit normals."""
+        height = (n @ self.corners.flatten(0, 1).T).unflatten(1, self.corners.shape[:2])
+        ground = dot(x, n)[:, None] * ~self.is_distant[:len(self.corners)]
+        return height.amin(2) - ground, height.amax(2) - ground
+
     def _directions(self, x: Tensor, n: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor]:
         """Unit direction (3, P, E) to every emitter, its squared angular sine and its beam's share of radiance.
 
-        With unit normals n (P, 3) none of a round body on which a point lies: the sphere that stands for it is above
-        some of its faces.
+        With unit normals n (P, 3) none of a polygon in whose plane a point lies, and of a round body on which it lies:
+        the sphere that stands for that is above some of its faces.
         """
+        points, polygons = x, len(self.corners)
         x = x.T[..., None] * ~self.is_distant  # light of suns is parallel
-        polygons = len(self.corners)
         of_polygons = polygon_directions(self.corners, x[..., :polygons])
         of_spheres = sphere_directions(self.centers, self.radii, x[..., polygons:])
         direction, sine2 = (torch.cat(both, -1) for both in zip(of_polygons, of_spheres, strict=True))
         in_beam = beam(direction, sine2, self.beam_axis, self.beam_cosine)
+        if n is not None and polygons:
+            in_beam[:, :polygons] *= self._heights(points, n)[1] > IN_PLANE
         if n is not None and self._has_bodies:
             is_near = self._is_seen[polygons:] & (sine2[:, polygons:] > ROUND ** -2)
             in_beam[:, polygons:] *= ~(is_near & (cosines(direction[..., polygons:], n) < BENEATH))

@@ -19,7 +19,7 @@ from ...compute.devices import run_operator
 from ...environment import direction_map
 from ..chunks import in_chunks
 from ..cutouts import Cutouts
-from ..fresnel import schlick
+from ..fresnel import reflectance
 from ..media.transmittance import Fog
 from ..sampling import cosine_directions, ggx_directions, local_basis
 from ..tensor_rays import TensorRays
@@ -88,7 +88,9 @@ class EnvironmentLight:
         u = 0.5 - torch.atan2(direction[:, 1], direction[:, 0]) / (2 * math.pi)
         w = torch.acos(direction[:, 2].clamp(-1, 1)) / math.pi
         wrapped = (u * SHARP[1] + 1) / (SHARP[1] + 2)
-        level = (roughness.clamp(0, 1) * (len(ROUGHNESS_LEVELS) - 1) + 0.5) / len(ROUGHNESS_LEVELS)
+        step = roughness.clamp(0, 1) * (len(ROUGHNESS_LEVELS) - 1)
+        # Lobes are as wide as the square of roughness: nearly sharp ones are no mixture of a sharp and a wide one.
+        level = (torch.where(step < 1, step ** 3, step) + 0.5) / len(ROUGHNESS_LEVELS)
         grid = torch.stack([wrapped, w, level], -1) * 2 - 1
         sampled = run_operator("grid_sampler_3d", F.grid_sample, self.levels, grid[None, :, None, None],
                                mode="bilinear", padding_mode="border", align_corners=False)
@@ -112,7 +114,7 @@ class EnvironmentLight:
         x, y = (local_basis(normal)[:, :2] @ outgoing[..., None])[..., 0].unbind(1)
         start = torch.stack([torch.full_like(x, 0.5), torch.atan2(y, x) / (2 * math.pi)], 1)  # as the viewer is turned
         direction, weight, cosine, density = ggx_directions(normal, outgoing, roughness, TAPS, start)
-        weight = weight * schlick(f0[:, None], cosine)
+        weight = weight * reflectance(f0[:, None], cosine)
         weight = weight / weight.sum(1, keepdim=True).clamp_min(1e-6)
         # A lobe of this roughness has the solid angle of a tap, 4 pi alpha^2.
         blur = torch.minimum((4 * math.pi * TAPS * density).clamp_min(1e-6) ** -0.25, roughness[:, None])

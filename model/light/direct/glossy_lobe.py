@@ -15,7 +15,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ..fresnel import lobe_albedo, schlick
+from ..fresnel import lobe_albedo, reflectance
 from ..sampling import local_basis, smith_root
 from ..vectors import dot, unit
 from .form_factors import cosines
@@ -107,7 +107,7 @@ def _unmasked(alpha2: Tensor, n_v: Tensor, n_l: Tensor) -> Tensor:
 
 def _relative_fresnel(f0: Tensor, n_v: Tensor, v_h: Tensor, roughness: Tensor) -> Tensor:
     """(P, E) reflectance of facets that light meets at cosines v_h (P, E), over that of the lobes (P,)."""
-    return schlick(f0[:, None], v_h) / lobe_albedo(f0, n_v, roughness)[:, None]
+    return reflectance(f0[:, None], v_h) / lobe_albedo(f0, n_v, roughness)[:, None]
 
 
 def _alpha(roughness: Tensor) -> Tensor:

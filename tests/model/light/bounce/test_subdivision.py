@@ -1,32 +1,37 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Quartered triangles cover the same surface, and what hits one is found in the right piece."""
 import numpy as np
+import pytest
 import torch
 
 from renderformer_v2.model.geometry import area_vectors, barycentric
 from renderformer_v2.model.light.bounce import subdivision
+from renderformer_v2.model.light.bounce.slices import slice_counts
 from renderformer_v2.model.light.bounce.subdivision import DEEPEST, Subdivision
 
 TRIANGLES = np.random.default_rng(0).random((6, 3, 3)).astype(np.float32)
 ROWS = np.array([0, 1, 3, 4])
 
 
-def quartered(times: int) -> Subdivision:
+def quartered(times: int, slices: tuple[int, ...] = (1, 1, 1, 1)) -> Subdivision:
     made, rng = Subdivision(TRIANGLES, ROWS), np.random.default_rng(1)
+    made.slice(np.array(slices))
     for _ in range(times):
         made.quarter(rng.choice(len(made.corners), 2, replace=False))
     return made
 
 
-def test_pieces_cover_their_triangles():
-    corners, source = quartered(30).pieces()
+@pytest.mark.parametrize("slices", [(1, 1, 1, 1), (5, 1, 2, 7)])
+def test_pieces_cover_their_triangles(slices):
+    corners, source = quartered(30, slices).pieces()
     area = np.linalg.norm(area_vectors(corners), axis=1)
     np.testing.assert_allclose(np.bincount(source, area, minlength=6)[ROWS],
                                np.linalg.norm(area_vectors(TRIANGLES[ROWS]), axis=1), rtol=1e-5)
 
 
-def test_the_piece_is_found_that_a_point_lies_in():
-    made, rng = quartered(40), np.random.default_rng(2)
+@pytest.mark.parametrize("slices", [(1, 1, 1, 1), (5, 1, 2, 7)])
+def test_the_piece_is_found_that_a_point_lies_in(slices):
+    made, rng = quartered(40, slices), np.random.default_rng(2)
     corners, source = made.pieces()
     weights = rng.dirichlet((1, 1, 1), 5000).astype(np.float32)
     triangle = rng.choice([-1, 0, 1, 2, 3, 4, 5], 5000)
@@ -35,6 +40,27 @@ def test_the_piece_is_found_that_a_point_lies_in():
     assert (piece[~is_part] == len(corners)).all() and (source[piece[is_part]] == triangle[is_part]).all()
     point = np.einsum("pk,pkc->pc", weights[is_part], TRIANGLES[triangle[is_part]])
     assert barycentric(corners[piece[is_part]], point).min() > -1e-3
+
+
+def test_values_are_interpolated_in_slices():
+    made = quartered(20, (3, 4, 1, 2))
+    np.testing.assert_allclose(made.interpolated(TRIANGLES), made.pieces()[0], atol=1e-5)
+    flat = np.roll(TRIANGLES, 1, axis=0)
+    towards = area_vectors(made.pieces()[0]) * area_vectors(TRIANGLES)[made.pieces()[1]]
+    assert (towards.sum(1) > 0).all() and not made.heights(np.ones_like(flat)).isnan().any()
+
+
+def test_needles_are_cut_across_and_other_triangles_are_not():
+    needle = np.float32([(0, 0, 0), (8, 0, 0), (8, 0.1, 0)])
+    triangles = np.stack([needle, np.float32([(0, 0, 1), (8, 0, 1), (0, 8, 1)]), needle * (0.01, 0.01, 1)])
+    size = np.linalg.norm(area_vectors(triangles), axis=1)
+    counts = slice_counts(triangles, size, np.ones(3), 1000)
+    assert counts[0] > 40 and counts[1] == 1 and counts[2] < 5
+    made = Subdivision(triangles, np.arange(3))
+    made.slice(counts)
+    sides = made.corners[np.array(made.source) == 0]
+    assert np.linalg.norm(sides - np.roll(sides, 1, axis=1), axis=-1).max() < 0.3
+    assert slice_counts(triangles, size, np.ones(3), 100)[0] < counts[0]
 
 
 def test_nothing_is_quartered_for_ever():
