@@ -97,6 +97,10 @@ def _light_passes(guides: Guides, lobes: Lobes, sampled: dict[str, np.ndarray],
     light = {f"{lobe}_indirect": lobes.indirect[i] for i, lobe in enumerate(LOBES)}
     if lobes.traced is None:
         light |= {f"{lobe}_direct": lobes.direct[i] for i, lobe in enumerate(LOBES)}
+        # Most glass has two sides, and Cycles counts as indirect what is seen through both.
+        through = light.pop("transmission_direct")
+        light |= {"transmission_direct": np.zeros_like(through),
+                  "transmission_indirect": light["transmission_indirect"] + through}
     else:
         for name, share in _divide_traced(lobes.traced, albedo, sampled, volumes).items():
             light[name] = light.get(name, 0) + share

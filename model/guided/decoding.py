@@ -24,7 +24,6 @@ from .kernels import LATENT
 OF_PIXELS = Channels(1, share=1, direct=9, indirect=9, missing=9, rest=3, visible=STRONGEST + 1, latent=LATENT)
 OUTPUTS = OF_PIXELS.joined(**SAID.sizes(), trust=1)
 LARGEST_FACTOR = 4.0  # and its inverse is the smallest
-MOST_ADDED = 0.5      # of the estimate of a lobe's light
 DARK = -3.0           # offset at which softplus adds little
 
 
@@ -33,8 +32,9 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
 
     Exposed as the view's light is. Zeros leave the light exactly as it is. Where light was traced, there are two
     estimates of it that are right in different places, and the share of either is all that the network decides:
-    factors that were learnt from few scenes are wrong in others. For the same reason the transformer's are of light
-    without rays only; by rays it says how far the estimate is to be trusted without what pixels would change. Where
+    factors that were learnt from few scenes are wrong in others. For the same reason the transformer's, and those of
+    indirect light, are of light without rays only; by rays pixels change direct light, and the transformer says how far
+    the estimate is to be trusted without that. Where
     the user lets no light bounce, which training never did, or lamps shine otherwise than estimates know, traced light
     is believed and nothing is added.
     """
@@ -42,12 +42,14 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     untraced = 1 - light.is_traced.view(-1, 1, 1, 1)
     share = (raw[:, OUTPUTS["share"]] + raw[:, OUTPUTS["trust"]]).tanh() * view.is_known
     raw = raw * untraced
-    direct, indirect, missing = (_by_lobe(raw[:, OUTPUTS[name]], light) for name in ("direct", "indirect", "missing"))
-    direct = _but_of_glass(direct, light)
+    without_rays = 1 - light.has_rays.view(-1, 1, 1, 1)
+    direct = _but_of_glass(_by_lobe(raw[:, OUTPUTS["direct"]], light), light)
+    indirect, missing = ((without_rays * raw[:, OUTPUTS[name]]).unflatten(1, (3, 3))
+                         for name in ("indirect", "missing"))
     direct = factor(direct) if is_inference() and light.is_by_rays() else with_shadows(direct, raw, view)
     indirect = factor(indirect)
-    missing = _within_reason(added(missing) * view.is_known[:, None], light)
-    of_all = (raw[:, OUTPUTS["log_factor"]] * (1 - light.has_rays.view(-1, 1, 1, 1))).exp()
+    missing = added(missing) * view.is_known[:, None]
+    of_all = (raw[:, OUTPUTS["log_factor"]] * without_rays).exp()
     in_media = view.surface[:, SURFACE["alpha"]] * view.has_media.view(-1, 1, 1, 1)
     fields = {"bounced": 0, "reflected": 1, "refracted": 2, "behind": 2}  # by lobe
     corrected = {name: of_all * (getattr(light, name) * indirect[:, lobe] + missing[:, lobe]).clamp_min(0)
@@ -92,15 +94,6 @@ def _but_of_glass(direct: Tensor, light: SurfaceLight) -> Tensor:
     """(V, 3, 3, H, W) without the outputs for lamps and sky that glass shows by rays: that is an image, and right."""
     is_glass = torch.arange(3, device=direct.device).view(1, 3, 1, 1, 1) == LOBES.index("transmission")
     return direct * ~(is_glass & (light.has_rays.view(-1, 1, 1, 1, 1) > 0))
-
-
-def _within_reason(missing: Tensor, light: SurfaceLight) -> Tensor:
-    """(V, 3, 3, H, W) light that lobes lack, by rays at most a share of what they have.
-
-    Where rays find nothing, such as in glass before a black world, it would be a haze.
-    """
-    most = MOST_ADDED * (light.direct + light.indirect())
-    return torch.where(light.has_rays.view(-1, 1, 1, 1, 1) > 0, torch.minimum(missing, most), missing)
 
 
 def added(raw: Tensor) -> Tensor:

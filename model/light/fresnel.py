@@ -14,9 +14,10 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..compute.devices import run_operator
-from ..material.reflectance import split_sum_table
+from ..material.reflectance import LAYER_IOR, split_sum_table
 
-LAYERS, METAL = (0.01, 0.1), 0.25  # f0 of dielectrics, and from which on surfaces are metal
+DIELECTRIC, METAL = 0.1, 0.25  # f0 up to which surfaces are dielectrics, and from which on metal
+LAYER_F0 = ((LAYER_IOR - 1) / (LAYER_IOR + 1)) ** 2
 LEAST_ALBEDO = 1e-3
 MEAN_SLANT = 0.0516, 1 / 21  # of `slant` over uniform light, of dielectrics of IOR 1.5 and of metals
 SMOOTH = 4.08567, 1.00071   # of the mean reflectance of a smooth dielectric (Kulla and Conty 2017)
@@ -30,17 +31,15 @@ def reflectance(f0: Tensor, cosine: Tensor) -> Tensor:
 def slant(f0: Tensor, cosine: Tensor) -> Tensor:
     """How far they reflect as at grazing angles, where they reflect all light."""
     cosine = cosine.clamp(0, 1)
-    layer = f0.clamp(*LAYERS)
-    amplitude = layer.sqrt()
-    g = (((1 + amplitude) / (1 - amplitude)).square() - 1 + cosine.square()).sqrt()
+    g = (LAYER_IOR ** 2 - 1 + cosine.square()).sqrt()
     along = (cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1)
     of_layer = ((g - cosine) / (g + cosine)).square() / 2 * (1 + along.square())
-    return torch.lerp((of_layer - layer) / (1 - layer), (1 - cosine) ** 5, is_metal(f0))
+    return torch.lerp((of_layer - LAYER_F0) / (1 - LAYER_F0), (1 - cosine) ** 5, is_metal(f0))
 
 
 def is_metal(f0: Tensor) -> Tensor:
     """Share of metal, whose curve is Schlick's."""
-    return ((f0 - LAYERS[1]) / (METAL - LAYERS[1])).clamp(0, 1)
+    return ((f0 - DIELECTRIC) / (METAL - DIELECTRIC)).clamp(0, 1)
 
 
 def lobe_albedo(f0: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:

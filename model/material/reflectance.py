@@ -59,7 +59,7 @@ def visible_facets(normal: np.ndarray, ray: np.ndarray, alpha: np.ndarray, rando
 
 def slants(cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far facets that light meets at cosines reflect as at grazing angles: of metals (Schlick 1994), of layers."""
-    f0 = normal_reflectance(LAYER_IOR) / 2
+    f0 = normal_reflectance(LAYER_IOR) / 2  # of glass
     return (1 - cosine).clip(0, 1) ** 5, (fresnel(cosine, np.float64(LAYER_IOR)) - f0) / (1 - f0)
 
 

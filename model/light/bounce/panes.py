@@ -45,11 +45,12 @@ INTO, OUT, THROUGH = np.float32([
 # of it is left straight on, the less the clearer glass is.
 GRAZING, STRAIGHT = (0.58, 1.77), 0.5
 MIRRORED = 0.26       # of the light that does not pass a pane, what it sends back, measured in a room with a window
+WITHIN = 0.63         # the same of a surface that light meets from within, such as that of water, in a basin
 GREY = 0.01           # difference between colours of a tint up to which it is grey
 
 
 class BehindGlass(NamedTuple):
-    """What M of N rays that hit glass see behind it, and K of these, which see the sky, mirrored by it."""
+    """What M of N rays that hit glass see behind it, and K of these, which see the sky or leave glass, mirrored."""
 
     ray: Tensor            # (M,) of the N
     sky: Tensor            # (M, 3) radiance of the sky that arrives through the glass
@@ -95,7 +96,7 @@ class Panes:
                 transmittance, passed = torch.ones_like(along), torch.ones_like(along[:, :1])
                 facing = -dot(self._normal[pane], direction).sign()[:, None] * self._normal[pane]
                 begin_mirrored = origin + travelled * direction + LIFT * facing
-                is_inside = torch.zeros_like(to_sky)
+                is_inside, from_within = torch.zeros_like(to_sky), dot(self._normal[pane], direction) > 0
             else:
                 row = row[hit]
             cosine, token = dot(self._normal[pane], direction), self._token[pane]
@@ -109,10 +110,11 @@ class Panes:
         if self.environment is not None:
             sky = self.environment.filtered(along, torch.full_like(along[:, 0], BLUR))
             light = transmittance * sky * to_sky[:, None]
-        mirroring = to_sky.nonzero()[:, 0]  # waits for a GPU
+        mirroring = (to_sky | from_within).nonzero()[:, 0]  # waits for a GPU
         onward = along - 2 * dot(along, facing)[:, None] * facing
+        mirrored = torch.where(from_within[:, None], WITHIN, MIRRORED) * (1 - passed)
         return BehindGlass(ray, light, transmittance, ray[mirroring], *(
-            x[mirroring] for x in (begin_mirrored, onward, MIRRORED * (1 - passed))))
+            x[mirroring] for x in (begin_mirrored, onward, mirrored)))
 
     def _near_glass(self, origin: Tensor, direction: Tensor, distance: Tensor) -> Tensor:
         """(N,) bool: rays that hit the sphere around all glass, as few do where that is a ball in a room."""

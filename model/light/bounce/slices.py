@@ -33,7 +33,7 @@ class Slices:
         cut = (self.count[triangle] > 1).nonzero()[:, 0]
         if not len(cut):
             return triangle, weights
-        part, weights, whole = triangle.clone(), weights.clone(), triangle[cut]
+        part, weights, whole = triangle.to(torch.int64, copy=True), weights.clone(), triangle[cut]
         of_triangle = torch.cat([weights[cut], 1 - weights[cut].sum(1, keepdim=True)], 1)
         along = of_triangle.gather(1, self.sharp[whole, None])[:, 0]
         slice_ = torch.minimum((along.clamp(0, 1) * self.count[whole]).long(), self.count[whole] - 1)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ...clusters import split_clusters
-from .outlines import outline_vectors, padded, rings
+from .outlines import outline_vectors, padded, ring_points, rings
 
 NO_SHELL = np.zeros(3, np.float32)  # as an outward normal
 FACING, COLOR, BEAM = 0.3, 0.1, 0.3  # how much differences in these count beside a distance of the scene's radius
@@ -33,7 +33,7 @@ class Emitters:
     @cached_property
     def middles(self) -> np.ndarray:
         """(P, 3) of the polygons."""
-        return rings(self.corners).mean(axis=1)
+        return ring_points(rings(self.corners)).mean(axis=1)
 
     @classmethod
     def of(cls, polygons: list[tuple], spheres: list[tuple]) -> Emitters:

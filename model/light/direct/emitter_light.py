@@ -41,7 +41,7 @@ from .form_factors import (
 )
 from .glossy_lobe import emitter_share, facet_cosines, facet_width2, is_small, small_emitter_share
 from .horizon import lambert_vector
-from .outlines import CIRCLE, RING, fans, outline_vectors, rings
+from .outlines import CIRCLE, RING, fans, outline_vectors, ring_points, rings
 from .terminator import start_heights
 
 FOG_REACH = 3.0  # network units from the centre: fog beyond dims no emitter
@@ -80,8 +80,9 @@ class EmitterLight:
         to_tensor = lambda x: torch.as_tensor(x, dtype=torch.float32, device=device)  # noqa: E731
         self.corners, self.centers, self.radii = map(to_tensor, (emitters.corners, emitters.centers, emitters.radii))
         self.rings = to_tensor(rings(emitters.corners))
-        self.origins = torch.cat([self.rings.mean(1), self.centers])
-        self.reach = torch.cat([(self.rings - self.rings.mean(1, keepdim=True)).norm(dim=-1).amax(1), self.radii])
+        points = ring_points(self.rings)
+        self.origins = torch.cat([points.mean(1), self.centers])
+        self.reach = torch.cat([(points - points.mean(1, keepdim=True)).norm(dim=-1).amax(1), self.radii])
         self.is_distant = self.origins.norm(dim=-1) > DISTANT
         self.radiance, self.beam_axis, self.beam_cosine = map(
             to_tensor, (emitters.radiance, emitters.beam_axis, emitters.beam_cosine))
@@ -392,7 +393,7 @@ class EmitterLight:
         polygons = len(self.corners)
         vectors = torch.zeros(len(x), RING, 3, device=x.device)
         if polygons:
-            vectors = self.rings[emitter.clamp(max=polygons - 1)] - origin[:, None]
+            vectors = _as_seen(self.rings[emitter.clamp(max=polygons - 1)], origin[:, None])
         radius = F.pad(self.radii, (polygons, 0))[emitter]
         sphere = self.origins[emitter] - origin
         across = radius / (dot(sphere, sphere) - radius.square()).clamp_min(1e-12).sqrt()
@@ -484,6 +485,20 @@ def _arriving(weight: Tensor, visible: Tensor, radiance: Tensor) -> Tensor:
     if visible.shape[2] == 1:
         return (weight * visible[..., 0]) @ radiance
     return torch.einsum("pe,pec,ec->pc", weight, visible, radiance)
+
+
+def _as_seen(ring: Tensor, x: Tensor) -> Tensor:
+    """(R, K, 3) vectors from points x (R, 1, 3) to those of rings (R, K, 7), spread by angle over each edge.
+
+    Spread by length, those of a long lamp would be far apart where it is close.
+    """
+    start, edge, before = ring.split([3, 3, 1], -1)
+    start = start - x
+    length2 = dot(edge, edge)[..., None].clamp_min(1e-12)
+    closest = -dot(start, edge)[..., None] / length2
+    beside = (dot(start, start)[..., None] / length2 - closest.square()).clamp_min(1e-6).sqrt()
+    first, last = (torch.atan((end - closest) / beside) for end in (0, 1))
+    return start + edge * (closest + beside * torch.lerp(first, last, before).tan()).clamp(0, 1)
 
 
 def _above_horizon(ray: Tensor, middle: Tensor, n: Tensor) -> Tensor:

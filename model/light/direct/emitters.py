@@ -22,6 +22,7 @@ INSIDE = 0.5        # share of the scene's radius that is inside such a one at l
 MAX_PARTS = 8       # that a closed one is divided into which is neither round nor straight
 MAX_FACES = 6       # of a closed convex one that shines by each of them,
 MOST_WITH_FACES = 48  # unless a scene would have more emitters then
+LEAST_FACE = 0.01   # share of its area that a face has which is not left out, such as the ends of a strip,
 THIN = 0.45         # share of the largest face in all of its area from which on it is as good as a sheet
 SAME_FACE = 1e-4    # one minus the cosine between normals of a face,
 BULGE = 1e-3        # and how far corners may be beyond one, in sizes of the body
@@ -184,7 +185,8 @@ def _faces(shape: np.ndarray, vectors: np.ndarray, most: int) -> list[tuple[np.n
         normal = normal * np.sign((outline[0] - middle) @ normal)
         if ((points - outline[0]) @ normal).max() > bulge:
             return []
-        faces.append((outline, normal))
+        if areas[rows].sum() > LEAST_FACE * areas.sum():
+            faces.append((outline, normal))
         left &= ~rows
     return faces
 

@@ -76,18 +76,26 @@ def padded(outlines: list[np.ndarray]) -> np.ndarray:
 
 
 def rings(corners: np.ndarray) -> np.ndarray:
-    """(P, RING, 3) f32 points in order on padded outlines (P, K, 3): all corners, more on longer edges."""
-    result = np.zeros((len(corners), RING, 3), np.float32)
+    """(P, RING, 7) f32 points in order on padded outlines (P, K, 3): all corners, more on longer edges.
+
+    Where the edge of each begins, the whole edge, and how much of it lies before the point.
+    """
+    result = np.zeros((len(corners), RING, 7), np.float32)
     for ring, outline in zip(result, corners.astype(np.float64), strict=True):
         edges = np.roll(outline, -1, axis=0) - outline
         lengths = np.linalg.norm(edges, axis=1)
         parts = (lengths > 0).astype(int)
         while 0 < parts.sum() < RING:
             parts[(lengths / np.maximum(parts, 1)).argmax()] += 1
-        points = [start + edge * i / count for start, edge, count in zip(outline, edges, parts, strict=True)
+        points = [(*start, *edge, i / count) for start, edge, count in zip(outline, edges, parts, strict=True)
                   for i in range(count)]
-        ring[:] = points or outline[0]
+        ring[:] = points or (*outline[0], 0, 0, 0, 0)
     return result
+
+
+def ring_points(rings: np.ndarray) -> np.ndarray:
+    """(P, RING, 3) places of the points of `rings`."""
+    return rings[..., :3] + rings[..., 3:6] * rings[..., 6:]
 
 
 def fans(corners: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model.first_hits.camera_rays import cast_guides
+from renderformer_v2.model.material.reflectance import fresnel
 from renderformer_v2.model.material.sheen import albedo, mean_albedo
 from renderformer_v2.model.scene import IOR, METALLIC, ROUGHNESS
 from tests.model.samples import floor_scene, floor_view
@@ -34,9 +35,9 @@ def test_a_layer_reflects_more_towards_grazing_angles_and_what_is_below_it_less(
     scene = floor_scene()
     scene.tiles[:, IOR], scene.tiles[:, ROUGHNESS] = 1.3291, 0.1  # as IOR 1.5 at Specular IOR Level 0.5
     cosine, diffuse, glossy = seen(scene, wide)
-    fresnel = 0.04 + 0.96 * (1 - cosine) ** 5
-    np.testing.assert_allclose(glossy[:, 0], fresnel, rtol=0.15, atol=0.005)
-    np.testing.assert_allclose(diffuse, BASE * (1 - fresnel[:, None]), rtol=0.03)
+    layer = fresnel(cosine, np.float32(1.5))
+    np.testing.assert_allclose(glossy[:, 0], layer, rtol=0.1, atol=0.005)
+    np.testing.assert_allclose(diffuse, BASE * (1 - layer[:, None]), rtol=0.03)
 
 
 def test_a_metal_gets_white_towards_grazing_angles(wide):
@@ -52,7 +53,7 @@ def test_a_coat_is_above_what_it_covers(wide):
     scene.tiles[:, METALLIC], scene.tiles[:, ROUGHNESS] = 1, 0.29
     scene.coat = np.float32([(0.5, 0.04, 0.1, 0.05)])
     cosine, diffuse, glossy = seen(scene, wide)
-    of_coat = 0.5 * (0.04 + 0.96 * (1 - cosine[:, None]) ** 5)
+    of_coat = 0.5 * fresnel(cosine[:, None], np.float32(1.5))
     above = cosine > 0.5
     np.testing.assert_allclose(glossy[above], (of_coat + (1 - of_coat) * BASE)[above], atol=0.03)
 

@@ -2,11 +2,13 @@
 """Glossy lobes by angle, against brute-force integration."""
 import math
 
+import numpy as np
 import pytest
 import torch
 
 from renderformer_v2.model.light.direct.glossy_lobe import facet_cosines, small_emitter_share
 from renderformer_v2.model.light.fresnel import gain, layer_albedo, lobe_albedo
+from renderformer_v2.model.material.reflectance import fresnel
 
 UP = torch.tensor([[0.0, 0.0, 1.0]])
 
@@ -25,7 +27,8 @@ def hemisphere(count: int) -> torch.Tensor:
 @pytest.mark.parametrize("reflectance", [0.04, 0.6])
 @pytest.mark.parametrize("roughness, cosine", [(0.4, 1.0), (0.4, 0.3), (0.9, 0.9), (0.9, 0.2)])
 def test_a_lobe_is_what_it_reflects_of_light_from_everywhere(roughness, cosine, reflectance):
-    """Lamps too small to widen it, all over the sky, next to the integral of the microfacets' formula."""
+    """Lamps too small to widen it, all over the sky, next to the integral of the microfacets' formula: a dielectric by
+    its real curve, as in Cycles, and metal by Schlick's."""
     count, tiny, alpha2 = 200_000, 1e-12, roughness ** 4
     towards, v = hemisphere(count), seen_at(cosine)
     half = torch.nn.functional.normalize(towards + v, dim=-1)
@@ -33,7 +36,8 @@ def test_a_lobe_is_what_it_reflects_of_light_from_everywhere(roughness, cosine, 
     density = alpha2 / (math.pi * (n_h.square() * (alpha2 - 1) + 1).square())
     masked = 2 * n_l * cosine / (n_l * math.sqrt(alpha2 + (1 - alpha2) * cosine ** 2)
                                  + cosine * (alpha2 + (1 - alpha2) * n_l.square()).sqrt())
-    slanting = reflectance + (1 - reflectance) * (1 - facing) ** 5
+    curve = fresnel(facing.numpy(), np.float32(1.5)) if reflectance == 0.04 else 0.6 + 0.4 * (1 - facing.numpy()) ** 5
+    slanting = torch.from_numpy(curve)
     expected = (density * masked * slanting / (4 * cosine)).mean() * 2 * math.pi
     albedo = lobe_albedo(*(torch.tensor([x]) for x in (reflectance, cosine, roughness)))
     assert albedo.item() == pytest.approx(expected.item(), rel=0.06)
