@@ -11,7 +11,7 @@ import numpy as np
 from ..camera import view_rays, view_rays_at
 from ..geometry import barycentric, corner_weights, dot, facing, interpolated, unit
 from ..pictures import box_means
-from ..progress import part
+from ..progress import part, report
 from ..rays import Hits
 from ..scene import Guides, RenderScene, View
 from ..scene_rays import scene_rays
@@ -72,15 +72,18 @@ def guides_from_passes(passes: Passes, scene: RenderScene, view: View, nearest_t
         camera = CameraRays(scene, view)
         _add_hits_behind_media(camera, scene, view, covered & ~hit, hit, surfaces)
         covered &= hit | _show_surfaces(passes)
+    report()
     source = _nearest_pixels(hit, covered)
     shown = surfaces.taken(source)
     guides = replace(guides_without_triangles(passes), position=shown.position, hit_triangle=shown.token,
                      hit_barycentric=shown.weights)
+    report()
     rays = view_rays(view)[1]
     several = np.linalg.norm(passes["normal"], axis=-1) < ONE_SURFACE * alpha
     several |= lies_between(guides.normal, shown.normal) & (-dot(shown.normal, rays) > UNBENT)
     several &= shown.token >= 0
     guides.normal[several] = shown.normal[several]
+    report()
     guides = glass_from_inside.with_reflectance(emitter_silhouettes.smoothed(guides, scene, view), scene, view)
     if guides.traced is None:
         guides = _with_fibres(guides, scene, view)

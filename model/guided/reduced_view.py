@@ -15,6 +15,7 @@ from torch.nn import functional as F
 
 from ..fields import Layout, map_layouts
 from ..network.config import ModelConfig
+from ..progress import report
 from .features import OFFSET_SCALE, SAMPLES, SURFACE, GuidedView, noise_of
 
 LONGEST = 256  # pixels of a side up to which nothing is reduced
@@ -43,6 +44,7 @@ def reduced(view: GuidedView, reduction: int, config: ModelConfig) -> GuidedView
         return F.pad(F.avg_pool2d(pixels, reduction), (0, margins[1], 0, margins[0]), mode="replicate")
 
     def smaller(field: Tensor, layout: Layout) -> Tensor:
+        report()
         if "H" not in layout.shape:
             return field
         axis = layout.shape.index("H")

@@ -46,6 +46,7 @@ def test_passes_add_up_to_the_picture(traced, volumes):
     assert all(np.isfinite(light).all() and light.min() >= 0 for light in passes.values())
     np.testing.assert_allclose(recipe(passes, given), radiance, rtol=1e-4, atol=1e-5)
     assert (passes["transmission_direct"][:, :5] == 0).all()
+    assert passes["transmission_direct"].any() == traced  # as in Cycles, which counts what glass shows as indirect
     if not volumes and not traced:
         assert passes["volume_indirect"][2:].max() < 1e-5
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from renderformer_v2.model.guided.decoding import LARGEST_FACTOR, MOST_ADDED, OUTPUTS, corrected_light, factor
+from renderformer_v2.model.guided.decoding import LARGEST_FACTOR, OUTPUTS, corrected_light, factor
 from renderformer_v2.model.guided.features import SURFACE, GuidedView, guided_view
 from renderformer_v2.model.weights.presets import rf2_small
 from tests.model.samples import floor_view, scene_light, walls
@@ -33,6 +33,11 @@ def outputs(view: GuidedView, **values: float) -> torch.Tensor:
     for name, value in values.items():
         raw[:, OUTPUTS[name]] = value
     return raw
+
+
+def without_rays(view: GuidedView) -> GuidedView:
+    """The same light, as if no rays had found it."""
+    return replace(view, light=replace(view.light, has_rays=torch.zeros(1)))
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
@@ -81,24 +86,26 @@ def test_what_was_traced_gives_way_to_its_estimate_where_that_is_believed():
     torch.testing.assert_close(half, (believed.radiance() + view.light.radiance()) / 2)
 
 
-def test_lobes_get_light_that_nothing_has_found_by_rays_as_far_as_they_have_some():
-    view = inputs()
-    light = replace(view.light, has_rays=torch.zeros(1))
-    corrected = corrected_light(outputs(view, missing=5.0), replace(view, light=light))
-    added = corrected.bounced - light.bounced
+def test_lobes_get_light_that_nothing_has_found_where_there_are_no_rays():
+    view = without_rays(inputs())
+    added = corrected_light(outputs(view, missing=5.0), view).bounced - view.light.bounced
     assert (added > 1).all() and torch.allclose(added, added[0, 0, 0, 0])
-    light = replace(view.light, direct=view.light.direct * (torch.arange(3) != 1).view(1, 3, 1, 1, 1),
-                    reflected=torch.zeros_like(view.light.reflected))
-    corrected = corrected_light(outputs(view, missing=50.0), replace(view, light=light))
-    torch.testing.assert_close(corrected.bounced - light.bounced, (light.bounced + light.direct[:, 0]) * MOST_ADDED)
-    assert not corrected.reflected.any()
     less = corrected_light(outputs(view, missing=-30.0), view)
     assert all((getattr(less, name) >= 0).all() for name in ("bounced", "reflected", "refracted", "behind"))
 
 
+def test_indirect_light_by_rays_stays_what_it_is():
+    """What pixels say of it was worth 0.02 dB on held-out scenes, and made white studios a tenth too bright."""
+    view = inputs()
+    corrected = corrected_light(outputs(view, missing=5.0, indirect=2.0, direct=1.0), view)
+    for name in ("bounced", "reflected", "refracted", "behind"):
+        assert torch.equal(getattr(corrected, name), getattr(view.light, name)), name
+    assert not torch.equal(corrected.direct, view.light.direct)
+
+
 @pytest.mark.parametrize("is_traced", [False, True])
 def test_nothing_is_added_where_the_user_lets_no_light_bounce(is_traced):
-    view = inputs(is_traced)
+    view = inputs(is_traced, has_rays=is_traced)
     raw, dark = outputs(view, missing=5.0, share=5.0), replace(view, is_known=torch.zeros(1, 1, 1, 1))
     assert torch.equal(corrected_light(raw, dark).radiance(), view.light.radiance())
     assert not torch.allclose(corrected_light(raw, view).radiance(), view.light.radiance())
@@ -114,7 +121,7 @@ def test_a_factor_of_zero_is_1_and_others_are_bounded():
 @pytest.mark.parametrize(("name", "fields"), [
     ("direct", ["direct"]), ("indirect", ["bounced", "behind", "reflected", "refracted"])])
 def test_light_is_corrected_within_bounds_and_by_its_own_channels_alone(name, fields, raw, expected):
-    view = inputs()
+    view = inputs() if name == "direct" else without_rays(inputs())
     corrected = corrected_light(outputs(view, **{name: raw}), view)
     for field, before in vars(view.light).items():
         torch.testing.assert_close(getattr(corrected, field), before * (expected if field in fields else 1))
@@ -151,11 +158,10 @@ def test_the_estimate_by_rays_is_trusted_without_what_pixels_change():
     changes = {"direct": 0.7, "indirect": -0.5, "missing": 1.0}
     doubted, half, trusted = (corrected_light(outputs(view, **changes, trust=trust), view)
                               for trust in (0.0, math.atanh(0.5), 30.0))
-    for name in ("direct", "bounced", "reflected", "refracted"):
-        before, after = getattr(view.light, name), getattr(doubted, name)
-        assert (after - before).abs().max() > 0.01, name
-        torch.testing.assert_close(getattr(half, name), (before + after) / 2)
-        torch.testing.assert_close(getattr(trusted, name), before)
+    before, after = view.light.direct, doubted.direct
+    assert (after - before).abs().max() > 0.01
+    torch.testing.assert_close(half.direct, (before + after) / 2)
+    torch.testing.assert_close(trusted.direct, before)
     alone = inputs(has_rays=False)
     plain, other = (corrected_light(outputs(alone, **changes, trust=trust), alone) for trust in (0.0, 5.0))
     assert torch.equal(plain.radiance(), other.radiance())
@@ -183,9 +189,10 @@ def test_each_lobe_has_a_factor_of_its_own():
         raw = outputs(view)
         for name in ("direct", "indirect"):
             raw[:, OUTPUTS[name]][:, 3 * lobe:3 * lobe + 3] = 30.0
-        corrected, expected = corrected_light(raw, view), view.light.direct.clone()
+        expected = view.light.direct.clone()
         expected[:, lobe] *= LARGEST_FACTOR
-        torch.testing.assert_close(corrected.direct, expected)
+        torch.testing.assert_close(corrected_light(raw, view).direct, expected)
+        corrected = corrected_light(raw, without_rays(view))
         for field in ("bounced", "reflected", "behind", "refracted"):
             factor_of_field = LARGEST_FACTOR if field in fields else 1
             torch.testing.assert_close(getattr(corrected, field), getattr(view.light, field) * factor_of_field)

@@ -46,8 +46,7 @@ def test_the_recipe_of_cycles_gives_the_picture(asked, tmp_path, light):
     asked.cycles.film_exposure = 2
     found = by_key(press_f12(asked, tmp_path))
     assert_recipe_holds(found)
-    lit = {"diffuse_direct", "glossy_direct", "diffuse_indirect", "transmission_indirect" if light == "TRACED" else
-           "transmission_direct"}
+    lit = {"diffuse_direct", "glossy_direct", "diffuse_indirect", "transmission_indirect"}
     assert all(found[key].max() > 0.01 for key in lit)
     assert ("volume_direct" in found) == (light == "TRACED")
     colors = sum(found[f"{lobe}_color"] for lobe in LOBES)
