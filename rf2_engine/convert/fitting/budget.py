@@ -16,17 +16,15 @@ from ....model import progress
 from ....model.geometry import area_vectors
 from ..data.cache import ConversionCache
 from ..data.collected import CollectedScene, Part
-from ..data.copied import Instance
 from ..data.mesh import TriangleMesh
 from ..meshes import reduce
 from ..meshes.reduce import COARSEST, KEPT_WHOLE
-from ..meshes.sampling import keep_sample
 from .apparent_size import ApparentSize, ApparentSpace
 from .framing import Framing
+from .instances import copies_of, drop_instances, middles_and_scales
 from .visible import GRID, VisiblePoints
 
 HIDDEN = 0.05      # how much of the picture counts that something would fill if it were not hidden
-DETAIL = 0.6       # of the budget at most goes to the coarsest shapes of many instances
 LEVEL = 8          # instances that look so many times as large as others are simplified apart from them
 LEVELS = 5
 SAMPLE = 20_000    # triangles that tell how curved a mesh is
@@ -75,14 +73,14 @@ def allot_triangles(collected: CollectedScene, budget: int, framing: Framing, hi
     camera, and everything counts alike.
     """
     parts, apparent = collected.parts, framing.apparent
-    counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), _copies))
+    counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), copies_of))
     if not parts or counts @ copies <= budget:
         framing.shares = {} if framing.shares is None else framing.shares
         return Simplification([], np.zeros(0, np.int64), [], apparent)
     shares_of_picture = _shares_of_picture(parts, apparent, hits)
-    parts, shares_of_picture, targets = _levels(*_drop_instances(parts, shares_of_picture, targets, budget, report))
+    parts, shares_of_picture, targets = _levels(*drop_instances(parts, shares_of_picture, targets, budget, report))
     collected.parts = parts
-    counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), _copies))
+    counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), copies_of))
     detail = np.array([_curvature(part.mesh) + (TEXTURE if part.is_textured else FLAT) for part in parts])
     weights = (np.array([share.max() for share in shares_of_picture]) * detail) ** (2 / 3)
     shares = share_budget(np.maximum(counts, targets), copies, weights, budget)
@@ -127,20 +125,16 @@ def _names(parts: list[Part]) -> list[tuple]:
     return names
 
 
-def _copies(part: Part) -> int:
-    return len(part.instances)
-
-
 def _shares_of_picture(parts: list[Part], apparent: ApparentSize | None,
                        hits: VisiblePoints | None) -> list[np.ndarray]:
     """For every part (m,) > 0, the share of the picture, 0 to 1, that its instances count for."""
-    covered = np.zeros(sum(map(_copies, parts)))
+    covered = np.zeros(sum(map(copies_of, parts)))
     if hits is not None:
         covered += np.bincount(hits.instance[hits.instance >= 0], minlength=len(covered)) / GRID ** 2
     shares = []
     for part in parts:
-        own, covered = covered[:_copies(part)], covered[_copies(part):]
-        middle, scale = _middles_and_scales(part)
+        own, covered = covered[:copies_of(part)], covered[copies_of(part):]
+        middle, scale = middles_and_scales(part)
         area = part.mesh.area * scale ** 2
         if apparent is None:
             shares.append(area + 1e-30)
@@ -154,73 +148,6 @@ def _shares_of_picture(parts: list[Part], apparent: ApparentSize | None,
         is_missed = ahead & ((unoccluded < 2 / GRID ** 2) | part.emits)  # too small for rays, or transparent to them
         shares.append(np.maximum(own, np.where(is_missed, unoccluded, HIDDEN * unoccluded)) + 1e-12)
     return shares
-
-
-def _middles_and_scales(part: Part) -> tuple[np.ndarray, np.ndarray]:
-    """Places of its instances in the world (m, 3), and their scale compared with the mesh (m,)."""
-    (low, high), matrix = part.mesh.bounds, np.array(part.matrices)
-    scale = np.linalg.norm(matrix[:, :3, :3], axis=(1, 2)) / np.sqrt(3)
-    return matrix[:, :3, :3] @ ((low + high) / 2) + matrix[:, :3, 3], scale
-
-
-def _drop_instances(parts: list[Part], shares_of_picture: list[np.ndarray], targets, budget: int, report):
-    """Drop instances whose coarsest shape does not fit: the least visible first, emitters last."""
-    least = np.array([min(len(part.mesh), COARSEST) for part in parts])
-    copies = np.array(list(map(_copies, parts)))
-    if any(len(part.mesh) > COARSEST for part in parts):
-        budget = int(DETAIL * budget)
-    if least @ copies <= budget:
-        return parts, shares_of_picture, targets
-    owner = np.repeat(np.arange(len(parts)), copies)
-    order = np.lexsort((-np.concatenate(shares_of_picture), ~np.array([part.emits for part in parts])[owner]))
-    fits = np.zeros(len(owner), bool)
-    fits[order] = np.cumsum(least[owner[order]]) <= budget
-    remaining = []
-    keeps = np.split(fits, np.cumsum(copies)[:-1])
-    for part, share, target, keep in zip(parts, shares_of_picture, targets, keeps, strict=True):
-        if not keep.all():
-            some = "it exceeds" if len(keep) == 1 else f"{np.count_nonzero(~keep)} of its {len(keep)} instances exceed"
-            room = f"{some} Max Triangles"
-            real = part.matrices
-            if keep.any() and len(part.mesh) <= COARSEST and not part.emits:  # as cards and leaves are
-                keep = _sampled(part, share, np.count_nonzero(keep))
-                report.approximated(part.name, f"{room}: the network gets a sample, enlarged to cover the same area")
-            elif keep.any():
-                report.approximated(part.name, f"{room}: the network gets the others alone")
-            else:
-                report.unplaced(part.name, f"{room}: raise it")
-            part.instances = _representing(part.instances, keep, real)
-        if part.instances:
-            remaining.append((part, share[keep], target))
-    return [list(column) for column in zip(*remaining)]
-
-
-def _representing(instances: list[Instance], keep: np.ndarray, real: list[np.ndarray]) -> list[Instance]:
-    """The instances in the mask `keep` (m,), with the `real` matrices of themselves and of dropped ones after them."""
-    representatives = np.flatnonzero(keep)
-    if not len(representatives):
-        return []
-    owner = np.searchsorted(representatives, np.arange(len(keep)), side="right").clip(1) - 1
-    return [replace(instances[row], real_matrices=tuple(real[i] for i in np.flatnonzero(owner == k)))
-            for k, row in enumerate(representatives)]
-
-
-def _sampled(part: Part, share: np.ndarray, count: int) -> np.ndarray:
-    """(m,) bool: about `count` of its instances, at most, which are enlarged to the area of all."""
-    positions, scale = _middles_and_scales(part)
-    low, high = part.mesh.bounds
-    keep, growth = keep_sample(share, count - 0.5, positions=positions, sizes=scale * (high - low).max())
-    for i in np.flatnonzero(keep):
-        matrix = part.instances[i].matrix @ _enlarge((low + high) / 2, growth[i])
-        part.instances[i] = replace(part.instances[i], matrix=matrix)
-    return keep
-
-
-def _enlarge(middle: np.ndarray, growth: float) -> np.ndarray:
-    """(4, 4) enlarging what is around a point."""
-    matrix = np.diag([growth] * 3 + [1.0])
-    matrix[:3, 3] = (1 - growth) * middle
-    return matrix
 
 
 def _levels(parts: list[Part], shares_of_picture: list[np.ndarray], targets):
