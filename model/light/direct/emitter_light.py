@@ -52,9 +52,14 @@ FINE, LARGE = 1.0, 100.0
 BENEATH = -0.3   # cosine to the middle of a round body, at most, of points on it
 PAIRS = 1 << 14  # of points and emitters, whose outlines are integrated over at a time
 STRONGEST = 3    # emitters that `strongest` finds
+LONG = 5.0         # times that a side of an emitter is longer than another, from which on it is as it is seen
 IN_PLANE = 1e-3    # network units above the plane of a point up to which a polygon lies in it
 LARGE_SINE2 = 3e-3  # of a polygon, from which on what the horizon leaves of it is exact
 DIM = 0.02       # of the brightest highlight at a point, below which others are left out
+# Fields of EmitterLight that have a row for each emitter.
+OF_POLYGONS, OF_SPHERES = ("corners", "rings", "_points", "_is_long", "_fan"), ("centers", "radii")
+OF_ALL = ("origins", "reach", "is_distant", "radiance", "beam_axis", "beam_cosine", "_outward", "_is_seen", "_before",
+          "_occluder")
 EMITTER = Channels(  # what it finds of an emitter at a point
     1,
     toward=(3, DIRECTION),  # unit direction to it
@@ -80,7 +85,9 @@ class EmitterLight:
         to_tensor = lambda x: torch.as_tensor(x, dtype=torch.float32, device=device)  # noqa: E731
         self.corners, self.centers, self.radii = map(to_tensor, (emitters.corners, emitters.centers, emitters.radii))
         self.rings = to_tensor(rings(emitters.corners))
-        points = ring_points(self.rings)
+        points = self._points = ring_points(self.rings)
+        edges = self.rings[..., 3:6].norm(dim=-1)
+        self._is_long = edges.amax(1) > LONG * edges.amin(1)
         self.origins = torch.cat([points.mean(1), self.centers])
         self.reach = torch.cat([(points - points.mean(1, keepdim=True)).norm(dim=-1).amax(1), self.radii])
         self.is_distant = self.origins.norm(dim=-1) > DISTANT
@@ -156,14 +163,12 @@ class EmitterLight:
 
     def _alone(self, row: int) -> EmitterLight:
         """One emitter."""
-        one, of_all, polygons = copy.copy(self), slice(row, row + 1), len(self.corners)
-        of_polygons, of_spheres = of_all, slice(max(row - polygons, 0), max(row - polygons + 1, 0))
-        for names, rows in ((("corners", "rings", "_fan"), of_polygons), (("centers", "radii"), of_spheres),
-                            (("origins", "reach", "is_distant", "radiance", "beam_axis", "beam_cosine", "_outward",
-                              "_is_seen", "_before", "_occluder"), of_all)):
+        one, polygons = copy.copy(self), len(self.corners)
+        own, of_spheres = slice(row, row + 1), slice(max(row - polygons, 0), max(row - polygons + 1, 0))
+        for names, rows in ((OF_POLYGONS, own), (OF_SPHERES, of_spheres), (OF_ALL, own)):
             for name in names:
                 setattr(one, name, getattr(self, name)[rows])
-        one._limits = Limits(*(values[of_all] for values in self._limits))
+        one._limits = Limits(*(values[own] for values in self._limits))
         one._divide()
         return one
 
@@ -393,7 +398,10 @@ class EmitterLight:
         polygons = len(self.corners)
         vectors = torch.zeros(len(x), RING, 3, device=x.device)
         if polygons:
-            vectors = _as_seen(self.rings[emitter.clamp(max=polygons - 1)], origin[:, None])
+            polygon = emitter.clamp(max=polygons - 1)
+            vectors = self._points[polygon] - origin[:, None]
+            long = self._is_long[polygon].nonzero()[:, 0]
+            vectors[long] = _as_seen(self.rings[polygon[long]], origin[long, None])
         radius = F.pad(self.radii, (polygons, 0))[emitter]
         sphere = self.origins[emitter] - origin
         across = radius / (dot(sphere, sphere) - radius.square()).clamp_min(1e-12).sqrt()
