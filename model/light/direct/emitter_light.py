@@ -42,6 +42,7 @@ from .form_factors import (
 from .glossy_lobe import emitter_share, facet_cosines, facet_width2, is_small, small_emitter_share
 from .horizon import lambert_vector
 from .outlines import CIRCLE, RING, fans, outline_vectors, rings
+from .picture_maps import PictureMaps
 from .terminator import start_heights
 
 FOG_REACH = 3.0  # network units from the centre: fog beyond dims no emitter
@@ -49,6 +50,7 @@ END_GAP = 4e-3   # network units before an emitter at which a shadow ray ends
 # Squared turn of what a pixel mirrors over that of what facets do, from which on it is sampled finely; and squared size
 # of an emitter over the same turn, up to which
 FINE, LARGE = 1.0, 100.0
+SAME_PLANE = 1e-3  # height over a cell of a picture, in its sizes, up to which points lie beside it
 BENEATH = -0.3   # cosine to the middle of a round body, at most, of points on it
 PAIRS = 1 << 14  # of points and emitters, whose outlines are integrated over at a time
 STRONGEST = 3    # emitters that `strongest` finds
@@ -87,6 +89,11 @@ class EmitterLight:
         self.fog, self._cutouts = fog, cutouts
         self._fan = to_tensor(fans(emitters.corners))
         self._outward = F.pad(to_tensor(emitters.outward), (0, 0, 0, len(emitters.radii)))
+        normals = np.zeros_like(emitters.radiance)
+        for cells, normal in emitters.normals_of_cells():
+            normals[cells] = normal
+        self._facing = to_tensor(normals)  # of cells of pictures, 0 of others
+        self._maps = PictureMaps(emitters.pictures, emitters.cells, device) if emitters.pictures else None
         self._limits = Limits(*(values[emitters.kind] for values in Limits.of(scene)[0]))
         is_seen = self._limits.is_lamp == 0
         self._is_seen, self._shining = torch.as_tensor(is_seen, device=device), None
@@ -158,9 +165,10 @@ class EmitterLight:
         of_polygons, of_spheres = of_all, slice(max(row - polygons, 0), max(row - polygons + 1, 0))
         for names, rows in ((("corners", "rings", "_fan"), of_polygons), (("centers", "radii"), of_spheres),
                             (("origins", "reach", "is_distant", "radiance", "beam_axis", "beam_cosine", "_outward",
-                              "_is_seen", "_before", "_occluder"), of_all)):
+                              "_facing", "_is_seen", "_before", "_occluder"), of_all)):
             for name in names:
                 setattr(one, name, getattr(self, name)[rows])
+        one._maps = None
         one._limits = Limits(*(values[of_all] for values in self._limits))
         one._divide()
         return one
@@ -341,7 +349,21 @@ class EmitterLight:
         cosine = cosines(direction, n)
         diffuse = self._form_factor(x, n, cosine, sine2) * in_beam
         glossy = self._glossy(x, n, direction, sine2, *gloss) * in_beam
-        return diffuse @ self._to_diffuse, glossy @ self._to_glossy
+        return diffuse @ self._to_diffuse, glossy @ self._to_glossy + self._detail(glossy, x, n, *gloss)
+
+    def _detail(self, share: Tensor, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor, f0: Tensor,
+                footprint: Tensor | None = None) -> Tensor | float:
+        """(P, 3) what pictures show beyond the means of their cells in lobes that have shares (P, E) of emitters."""
+        if self._maps is None:
+            return 0.0
+        turn2 = torch.zeros_like(roughness) if footprint is None else mirrored_turn2(footprint)
+        shown, by_maps = self._maps.shown(x, n, v, roughness, turn2)
+        last = slice(len(self.corners) - by_maps.shape[1] * self._maps.cells, len(self.corners))
+        cells = share[:, last].unflatten(1, (-1, self._maps.cells))
+        means = self._to_glossy[last].unflatten(0, cells.shape[1:])
+        shines = means.flatten(1).any(1)
+        difference = cells.sum(2)[..., None] * shown - torch.einsum("pkc,kcj->pkj", cells, means)
+        return (difference * (by_maps * shines)[..., None]).sum(1)
 
     def _glossy(self, x: Tensor, n: Tensor, direction: Tensor, sine2: Tensor, v: Tensor, roughness: Tensor,
                 f0: Tensor, footprint: Tensor | None = None) -> Tensor:
@@ -448,12 +470,15 @@ class EmitterLight:
         With unit normals n (P, 3) none of a round body on which a point lies: the sphere that stands for it is above
         some of its faces.
         """
-        x = x.T[..., None] * ~self.is_distant  # light of suns is parallel
+        place, x = x, x.T[..., None] * ~self.is_distant  # light of suns is parallel
         polygons = len(self.corners)
         of_polygons = polygon_directions(self.corners, x[..., :polygons])
         of_spheres = sphere_directions(self.centers, self.radii, x[..., polygons:])
         direction, sine2 = (torch.cat(both, -1) for both in zip(of_polygons, of_spheres, strict=True))
         in_beam = beam(direction, sine2, self.beam_axis, self.beam_cosine)
+        if self._maps is not None:  # nothing lies before a cell of its own plane, whatever rounding says
+            height = place @ self._facing.T - dot(self.origins, self._facing)
+            in_beam = in_beam * ((height.abs() > SAME_PLANE * self.reach) | ~self._facing.any(1))
         if n is not None and self._has_bodies:
             is_near = self._is_seen[polygons:] & (sine2[:, polygons:] > ROUND ** -2)
             in_beam[:, polygons:] *= ~(is_near & (cosines(direction[..., polygons:], n) < BENEATH))
