@@ -29,6 +29,7 @@ from .fields import (
 from .panorama import Panorama
 
 TILE_SIZE = 32
+EMISSION_SIZE = 64  # of the grid that a picture is kept on, which is laid out as that of tiles
 TILE = Channels(  # of a material tile: BSDF parameters, tangent-space normal, displacement
     1,
     base_color=(3, COLOR),  # scene-linear albedo, [0, 1]; more where a surface reflects more than arrives
@@ -225,7 +226,7 @@ class Fire:
 
 SELDOM = {"light_bounces": np.uint8(ANY), "lit_groups": np.uint64(ALL_GROUPS),
           "blockers": np.uint64(ALL_GROUPS), "group": np.uint8(0), "is_holdout": np.False_, "shadow_tile": np.int32(-1),
-          "is_rough_guess": np.False_}
+          "is_rough_guess": np.False_, "emission_tile": np.int32(-1)}
 
 
 @dataclass
@@ -269,6 +270,11 @@ class RenderScene:
     back_tile: np.ndarray | None = array("N", dtype=np.int32, default="none")  # of its back; None = the same
     # That which shadow rays pass straight through by a Light Path node, -1 for none; None = all -1
     shadow_tile: np.ndarray | None = array("N", dtype=np.int32, default="none")
+    # Row of `emission_tiles`, -1 where emission is the same all over a triangle; None = all -1
+    emission_tile: np.ndarray | None = array("N", dtype=np.int32, default="none")
+    # Emission, or glow, on a barycentric grid, over that of the triangle. The network is not told
+    emission_tiles: np.ndarray | None = array("S", 3, EMISSION_SIZE, EMISSION_SIZE, dtype=np.float16,
+                                              behaves={COLOR: 1}, default="none")
     # Lowest and highest corner of the box that becomes the network's, what a camera looks at; None = all but lights
     box: np.ndarray | None = array(2, 3, behaves=POINT, default="none")
     # Rays that do not see the environment's light, a set of surface_kinds.Ray; None = all do
@@ -424,18 +430,21 @@ class RenderScene:
 
     def appended(self, *others: RenderScene) -> RenderScene:
         """This scene with the triangles (and the tiles they use) of `others` behind its own."""
-        scenes, tiles, count, geometries = [], 0, 0, []
+        scenes, tiles, count, geometries, emission_tiles = [], 0, 0, [], []
         optional = ("latents", "two_lobes", "clear", *OF_TILES, "hidden", "camera_tile", "back_tile", "light_group",
                     "glow", *SELDOM)
         absent = [name for name in optional
                   if all(getattr(scene, name) is None for scene in (self, *others))]
         for scene in (self, *others):
-            shadow_tile = scene.seldom("shadow_tile")
+            shadow_tile, emission_tile = scene.seldom("shadow_tile"), scene.seldom("emission_tile")
+            before = np.int32(sum(map(len, emission_tiles)))
+            emission_tiles += [] if scene.emission_tiles is None else [scene.emission_tiles]
             scenes.append(replace(scene, tile_index=scene.tile_index + np.int32(tiles), seen=scene.is_seen,
                                   camera_tile=scene.seen_tile + np.int32(tiles),
                                   back_tile=scene.tile_behind + np.int32(tiles), hidden=scene.hidden_from,
                                   shadow_tile=np.where(shadow_tile < 0, shadow_tile, shadow_tile + np.int32(tiles)),
-                                  **{name: scene.seldom(name) for name in SELDOM if name != "shadow_tile"},
+                                  **{name: scene.seldom(name) for name in SELDOM if not name.endswith("_tile")},
+                                  emission_tile=np.where(emission_tile < 0, emission_tile, emission_tile + before),
                                   light_group=scene.light_groups, glow=scene.surface_glow,
                                   latents=scene.tile_latents, two_lobes=scene.tile_lobes,
                                   clear=scene.tile_clear, **{name: scene.of_tiles(name) for name in OF_TILES}))
@@ -446,9 +455,10 @@ class RenderScene:
         if any(scene.geometry is not None for scene in scenes):
             geometry = Geometry(**{name: np.concatenate([getattr(part, name) for part in geometries])
                                    for name in layouts(self.surfaces)})
-        return replace(self, geometry=geometry, **{name: np.concatenate([getattr(scene, name) for scene in scenes])
-                                for name, layout in layouts(self).items()
-                                if layout.shape[0] in ("N", "T") and name not in absent})
+        emission_tiles = np.concatenate(emission_tiles) if emission_tiles else None
+        joined = {name: np.concatenate([getattr(scene, name) for scene in scenes])
+                  for name, layout in layouts(self).items() if layout.shape[0] in ("N", "T") and name not in absent}
+        return replace(self, geometry=geometry, emission_tiles=emission_tiles, **joined)
 
 
 def constant_tile(base_color=(0.8, 0.8, 0.8), metallic=0.0, roughness=1.0, ior=1.0, transmission=0.0) -> np.ndarray:
@@ -476,14 +486,14 @@ def tint_of_glass(base_color: np.ndarray) -> np.ndarray:
     return np.sqrt(base_color)
 
 
-def texels(weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def texels(weights: np.ndarray, size: int = TILE_SIZE) -> tuple[np.ndarray, np.ndarray]:
     """Columns and rows (...,) i64 of a tile at weights (..., 2) of corners 0 and 1 (docs/scene-input.md 4.2)."""
-    x, y = np.moveaxis((weights * TILE_SIZE).astype(np.int64).clip(0, TILE_SIZE - 1), -1, 0)
+    x, y = np.moveaxis((weights * size).astype(np.int64).clip(0, size - 1), -1, 0)
     return x, y
 
 
-def barycentric_grid() -> np.ndarray:
+def barycentric_grid(size: int = TILE_SIZE) -> np.ndarray:
     """(32, 32, 3) f32 corner weights at [row, column]; the third may be negative (docs/scene-input.md 4.2)."""
-    centre = (np.arange(TILE_SIZE, dtype=np.float32) + 0.5) / TILE_SIZE
+    centre = (np.arange(size, dtype=np.float32) + 0.5) / size
     w0, w1 = np.meshgrid(centre, centre, indexing="xy")
     return np.stack([w0, w1, 1 - w0 - w1], axis=-1)

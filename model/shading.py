@@ -15,7 +15,7 @@ from .geometry import (
     reflected,
     unit,
 )
-from .scene import RenderScene, texels
+from .scene import EMISSION_SIZE, RenderScene, texels
 
 GRAZING = 0.02  # least cosine between the viewer and a normal that is bent
 RISE, STEEPEST_RISE = 0.01, 0.9  # least cosine between a facet and a mirrored ray, and at most this share of its ray's
@@ -37,6 +37,18 @@ def surface(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,
         is_behind, scene.back_tile[token], scene.tile_index[token])
     texel = scene.tiles[tile, :, y, x].astype(np.float32)
     return shading_normals(scene, triangle, weights, direction), is_behind, texel
+
+
+def emission_share(scene: RenderScene, triangle: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """(P, 3) emission or glow at points (P, 3) on triangles (P,) of the geometry, or -1, over the means of these."""
+    share = np.ones((len(triangle), 3), np.float32)
+    if scene.emission_tile is None:
+        return share
+    token = scene.surfaces.token[triangle]
+    rows = np.flatnonzero((triangle >= 0) & (scene.emission_tile[token] >= 0))
+    x, y = texels(_nearest_weights(scene.triangles[token[rows]], point[rows])[:, :2], EMISSION_SIZE)
+    share[rows] = scene.emission_tiles[scene.emission_tile[token[rows]], :, y, x]
+    return share
 
 
 def shading_normals(scene: RenderScene, triangle: np.ndarray, weights: np.ndarray, ray: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..material import sheen
-from ..material.reflectance import LEAST_LAYER, layer_reflectance, normal_reflectance, split_sum
+from ..material.reflectance import LAYERS, LEAST_LAYER, layer_reflectance, normal_reflectance, split_sum
 from ..scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
 from .hit_materials import roughness_below
 
@@ -26,10 +26,12 @@ def seen_colors(colors: np.ndarray, texel: np.ndarray, cosine: np.ndarray, scene
     if scene.coat is not None:
         weight, coat_f0, of_coat, _ = scene.coat[tile].T
         white, _, slanting = split_sum(cosine, of_coat)
+        slanting = _of_layer(slanting, coat_f0)
         above = (weight * (coat_f0 * (white - slanting) + slanting))[:, None]
         roughness = roughness_below(roughness, scene.coat[tile])
         f0 = (1 - (1 - f0) / (1 - weight * coat_f0)).clip(0)  # of the layer below, which the tile's contains both
-    white, of_metal, slanting = (x[:, None] for x in split_sum(cosine, roughness))
+    white, of_metal, slanting = split_sum(cosine, roughness)
+    white, of_metal, slanting = (x[:, None] for x in (white, of_metal, _of_layer(slanting, f0)))
     metal = base + (1 - base) * of_metal / white  # with the light between its facets
     layer = f0[:, None] * (white - slanting) + (f0[:, None] / LEAST_LAYER).clip(max=1) * slanting
     glossy = above + (1 - above) * (metallic * metal + (1 - metallic) * layer)
@@ -41,3 +43,10 @@ def seen_colors(colors: np.ndarray, texel: np.ndarray, cosine: np.ndarray, scene
         diffuse = (diffuse + color * (sheen.albedo(cosine[:, None], of_sheen) - mean)).clip(0)
     below = (1 - above) * (1 - layer)
     return np.stack([below * diffuse, (colors[1] + glossy).clip(0), below * colors[2]]).astype(np.float32)
+
+
+def _of_layer(tabled: np.ndarray, f0: np.ndarray) -> np.ndarray:
+    """(P,) between values (P, len(LAYERS))."""
+    at = np.interp(f0, LAYERS, range(len(LAYERS)))
+    low, row = at.astype(int).clip(max=len(LAYERS) - 2), np.arange(len(at))
+    return tabled[row, low] + (at - low) * (tabled[row, low + 1] - tabled[row, low])

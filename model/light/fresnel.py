@@ -14,12 +14,11 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..compute.devices import run_operator
-from ..material.reflectance import LAYER_IOR, split_sum_table
+from ..material.reflectance import LAYERS, split_sum_table
 
-DIELECTRIC, METAL = 0.1, 0.25  # f0 up to which surfaces are dielectrics, and from which on metal
-LAYER_F0 = ((LAYER_IOR - 1) / (LAYER_IOR + 1)) ** 2
+DIELECTRIC, METAL = 0.05, 0.1  # f0 up to which surfaces are dielectrics, and from which on metal
 LEAST_ALBEDO = 1e-3
-MEAN_SLANT = 0.0516, 1 / 21  # of `slant` over uniform light, of dielectrics of IOR 1.5 and of metals
+MEAN_SLANT = 1 / 21         # of `slant` of metals over uniform light
 SMOOTH = 4.08567, 1.00071   # of the mean reflectance of a smooth dielectric (Kulla and Conty 2017)
 
 
@@ -30,11 +29,12 @@ def reflectance(f0: Tensor, cosine: Tensor) -> Tensor:
 
 def slant(f0: Tensor, cosine: Tensor) -> Tensor:
     """How far they reflect as at grazing angles, where they reflect all light."""
-    cosine = cosine.clamp(0, 1)
-    g = (LAYER_IOR ** 2 - 1 + cosine.square()).sqrt()
+    cosine, layer = cosine.clamp(0, 1), f0.clamp(LAYERS[0], LAYERS[-1])
+    amplitude = layer.sqrt()
+    g = (((1 + amplitude) / (1 - amplitude)).square() - 1 + cosine.square()).sqrt()
     along = (cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1)
     of_layer = ((g - cosine) / (g + cosine)).square() / 2 * (1 + along.square())
-    return torch.lerp((of_layer - LAYER_F0) / (1 - LAYER_F0), (1 - cosine) ** 5, is_metal(f0))
+    return torch.lerp((of_layer - layer) / (1 - layer), (1 - cosine) ** 5, is_metal(f0))
 
 
 def is_metal(f0: Tensor) -> Tensor:
@@ -58,8 +58,8 @@ def layer_albedo(f0: Tensor, roughness: Tensor, facets: Tensor | None = None) ->
     index = (1 + amplitude) / (1 - amplitude).clamp_min(1e-3)
     smooth = (index - 1) / (SMOOTH[0] + SMOOTH[1] * index)
     straight, slanting = _uniform_sum(f0, roughness if facets is None else facets)
-    mean_slant = MEAN_SLANT[0] + (MEAN_SLANT[1] - MEAN_SLANT[0]) * is_metal(f0)
-    grazing = (smooth - f0).clamp_min(0) / mean_slant / (1 - f0).clamp_min(1e-3)  # 1 if its IOR is 1.5
+    mean_slant = (smooth - f0).clamp_min(1e-6) / (1 - f0).clamp_min(1e-3)
+    grazing = mean_slant / torch.lerp(mean_slant, torch.full_like(f0, MEAN_SLANT), is_metal(f0))
     between = smooth * (1 / sum(_uniform_sum(f0, roughness)) - 1).clamp_min(0)
     return (f0 * straight + grazing * slanting) * (1 + between)
 
@@ -80,9 +80,12 @@ def _split_sum(f0: Tensor, cosine: Tensor, roughness: Tensor, table: Tensor | No
     """Factor of f0, and what slanting facets add to it; all of one shape."""
     table = _table(cosine.device) if table is None else table
     at = torch.stack([cosine.abs().flatten(), roughness.flatten()], -1) * 2 - 1
-    white, of_metal, of_layer = (x.view_as(cosine) for x in run_operator(
-        "grid_sampler_2d", F.grid_sample, table, at[None, None], mode="bilinear", padding_mode="border",
-        align_corners=True)[0, :, 0])
+    sampled = run_operator("grid_sampler_2d", F.grid_sample, table, at[None, None], mode="bilinear",
+                           padding_mode="border", align_corners=True)[0, :, 0]
+    white, of_metal, *of_layers = (x.view_as(cosine) for x in sampled)
+    of_layer = of_layers[0]
+    for low, high, following in zip(LAYERS, LAYERS[1:], of_layers[1:], strict=False):
+        of_layer = torch.lerp(of_layer, following, ((f0 - low) / (high - low)).clamp(0, 1))
     slanting = torch.lerp(of_layer, of_metal, is_metal(f0))
     return white - slanting, slanting
 
@@ -94,7 +97,7 @@ def _uniform_sum(f0: Tensor, roughness: Tensor) -> tuple[Tensor, Tensor]:
 
 @cache
 def _mean_table(device: torch.device) -> Tensor:
-    """(1, 3, roughness, 1), for uniform light."""
+    """(1, C, roughness, 1), for uniform light."""
     table = _table(device)
     cosine = torch.linspace(0, 1, table.shape[-1], device=device)
     return (table * cosine).sum(-1, keepdim=True) / cosine.sum()
@@ -102,5 +105,5 @@ def _mean_table(device: torch.device) -> Tensor:
 
 @cache
 def _table(device: torch.device) -> Tensor:
-    """(1, 3, roughness, cosine)."""
+    """(1, C, roughness, cosine), of whites, metals and layers as of `split_sum`."""
     return torch.from_numpy(split_sum_table()).float()[None].to(device)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..geometry import unit
 
-LAYER_IOR = 1.5     # of layers, whose curves are much alike
+LAYERS = np.float64([0.0025, 0.01, 0.04, 0.09])  # f0 of dielectrics in tables: of IOR 1.1, 1.2, 1.5 and 1.9
 LEAST_LAYER = 5e-3  # f0 from which on a layer reflects everything at grazing angles
 TABLE, FACETS, LEAST_TABLED = (24, 32), 256, 0.05  # roughnesses and cosines, of each so many facets; least roughness
 GOLDEN = (5 ** 0.5 - 1) / 2
@@ -57,26 +57,28 @@ def visible_facets(normal: np.ndarray, ray: np.ndarray, alpha: np.ndarray, rando
     return np.einsum("nkc,nk->nc", axes, facet).astype(np.float32)
 
 
-def slants(cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How far facets that light meets at cosines reflect as at grazing angles: of metals (Schlick 1994), of layers."""
-    f0 = normal_reflectance(LAYER_IOR) / 2  # of glass
-    return (1 - cosine).clip(0, 1) ** 5, (fresnel(cosine, np.float64(LAYER_IOR)) - f0) / (1 - f0)
+def slants(cosine: np.ndarray) -> list[np.ndarray]:
+    """How far facets that light meets at cosines reflect as at grazing angles: of metals (Schlick 1994), of LAYERS."""
+    iors = (1 + np.sqrt(LAYERS)) / (1 - np.sqrt(LAYERS))
+    return [(1 - cosine).clip(0, 1) ** 5, *((fresnel(cosine, ior) - f0) / (1 - f0)
+                                            for ior, f0 in zip(iors, LAYERS, strict=True))]
 
 
 def split_sum(cosine: np.ndarray, roughness: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(N,) share of uniform light that white GGX facets reflect to a viewer at cosines (N,), and how much of it as
-    `slants` of metals and of layers say (Karis 2013); roughness: (N,), perceptual."""
+    `slants` of metals and (N, len(LAYERS)) of layers say (Karis 2013); roughness: (N,), perceptual."""
     table = split_sum_table()
     row, column = (x.clip(0, 1) * (size - 1) for x, size in zip((roughness, cosine), table.shape[1:], strict=True))
     top, left = (x.astype(int).clip(max=size - 2) for x, size in zip((row, column), table.shape[1:], strict=True))
     down, right = row - top, column - left
     upper, lower = ((1 - right) * table[:, i, left] + right * table[:, i, left + 1] for i in (top, top + 1))
-    return tuple(np.float32((1 - down) * upper + down * lower))
+    white, of_metal, *of_layers = np.float32((1 - down) * upper + down * lower)
+    return white, of_metal, np.stack(of_layers, axis=1)
 
 
 @cache
 def split_sum_table() -> np.ndarray:
-    """(3, roughness, cosine) of these, from 0 to 1."""
+    """(2 + len(LAYERS), roughness, cosine) of these, from 0 to 1."""
     roughness, cosine = (x.ravel() for x in np.meshgrid(*(np.linspace(0, 1, n) for n in TABLE), indexing="ij"))
     alpha, cosine = roughness.clip(LEAST_TABLED).repeat(FACETS) ** 2, cosine.clip(0.01).repeat(FACETS)
     k = np.tile(np.arange(FACETS), len(roughness))
@@ -86,8 +88,8 @@ def split_sum_table() -> np.ndarray:
     facing = np.einsum("nc,nc->n", facet, viewer)
     leaving = 2 * facing * facet[:, 2] - cosine
     weight = np.where(leaving > 0, unmasked(cosine, leaving, alpha), 0)
-    means = np.stack([weight, *(weight * slant for slant in slants(facing))]).reshape(3, -1, FACETS).mean(2)
-    return means.reshape(3, *TABLE)
+    means = np.stack([weight, *(weight * slant for slant in slants(facing))]).reshape(2 + len(LAYERS), -1, FACETS)
+    return means.mean(2).reshape(-1, *TABLE)
 
 
 def unmasked(before: np.ndarray, behind: np.ndarray, alpha: np.ndarray) -> np.ndarray:

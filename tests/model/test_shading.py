@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model.geometry import reflected
-from renderformer_v2.model.scene import BASE_COLOR, TILE_SIZE, Geometry
+from renderformer_v2.model.scene import BASE_COLOR, EMISSION_SIZE, TILE_SIZE, Geometry
 from renderformer_v2.model.shading import (
     GRAZING,
     RISE,
     bent_to_reflect,
+    emission_share,
     on_tokens,
     shading_normals,
     side_normals,
@@ -37,6 +38,19 @@ def test_the_material_is_that_of_the_nearest_point_of_the_token():
     np.testing.assert_allclose(texel[:, BASE_COLOR.start], 1 - point[:, 0] - point[:, 1], atol=1 / TILE_SIZE)
     np.testing.assert_allclose(normal, scene.geometry.normals[:, 0], atol=1e-6)
     assert behind.tolist() == [False, False]
+
+
+def test_pictures_stay_with_their_triangles_when_scenes_are_joined():
+    size, bare, scenes = EMISSION_SIZE, crumbs_of_a_token(), []
+    for red in (1, 2):
+        tile = np.full((1, 3, size, size), red, np.float16)
+        scenes.append(replace(crumbs_of_a_token(), emission_tile=np.int32([0]), emission_tiles=tile))
+    joined = bare.appended(scenes[0], bare, scenes[1])
+    joined.validate()
+    point = np.concatenate([CRUMBS.mean(axis=1)] * 4)
+    share = emission_share(joined, np.arange(8), point)
+    assert share[:, 0].tolist() == [1, 1, 1, 1, 1, 1, 2, 2]
+    assert bare.appended(bare).emission_tile is None and bare.appended(bare).emission_tiles is None
 
 
 def test_weights_on_tokens_are_those_of_the_same_place():

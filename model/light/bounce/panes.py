@@ -50,7 +50,7 @@ GREY = 0.01           # difference between colours of a tint up to which it is g
 
 
 class BehindGlass(NamedTuple):
-    """What M of N rays that hit glass see behind it, and K of these, which see the sky or leave glass, mirrored."""
+    """What M of N rays that hit glass see behind it, and K of these, which see the sky, mirrored by it."""
 
     ray: Tensor            # (M,) of the N
     sky: Tensor            # (M, 3) radiance of the sky that arrives through the glass
@@ -110,7 +110,7 @@ class Panes:
         if self.environment is not None:
             sky = self.environment.filtered(along, torch.full_like(along[:, 0], BLUR))
             light = transmittance * sky * to_sky[:, None]
-        mirroring = (to_sky | from_within).nonzero()[:, 0]  # waits for a GPU
+        mirroring = to_sky.nonzero()[:, 0]  # waits for a GPU
         onward = along - 2 * dot(along, facing)[:, None] * facing
         mirrored = torch.where(from_within[:, None], WITHIN, MIRRORED) * (1 - passed)
         return BehindGlass(ray, light, transmittance, ray[mirroring], *(

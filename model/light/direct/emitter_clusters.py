@@ -2,13 +2,14 @@
 """Emitters with a closed form, and merging many of them into a few that give the same light from a distance."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ...clusters import split_clusters
 from .outlines import outline_vectors, padded, ring_points, rings
+from .pictures import Picture
 
 NO_SHELL = np.zeros(3, np.float32)  # as an outward normal
 FACING, COLOR, BEAM = 0.3, 0.1, 0.3  # how much differences in these count beside a distance of the scene's radius
@@ -26,6 +27,8 @@ class Emitters:
     beam_cosine: np.ndarray  # (P + S, 2) f32
     kind: np.ndarray         # (P + S,) i32, the same for light that goes to the same surfaces
     outward: np.ndarray      # (P, 3) f32, unit normals of the outside of shells, which hide what the inside sends there
+    pictures: tuple[Picture, ...] = ()  # the last polygons are their cells,
+    cells: int = 0                      # so many of each
 
     def __len__(self) -> int:
         return len(self.radiance)
@@ -49,6 +52,16 @@ class Emitters:
             radiance=light[:, :3], beam_axis=light[:, 3:6], beam_cosine=light[:, 6:8],
             kind=light[:, 8].astype(np.int32),
             outward=np.array([p[1] for p in polygons], np.float32).reshape(-1, 3))
+
+    def beside(self, pictures: list[Picture], cells: int, light: np.ndarray) -> Emitters:
+        """These, and after their polygons so many cells of each picture, of triangles that shine with light (L, 9)."""
+        own = np.concatenate([self.radiance, self.beam_axis, self.beam_cosine, self.kind[:, None]], axis=1)
+        polygons = list(zip(self.corners, self.outward, own, strict=False))
+        spheres = zip(self.centers, self.radii, own[len(polygons):], strict=True)
+        for picture in pictures:
+            polygons += [(outline, NO_SHELL, np.concatenate([radiance, light[picture.rows[0], 3:]]))
+                         for outline, radiance in picture.cells(cells)]
+        return replace(Emitters.of(polygons, list(spheres)), pictures=tuple(pictures), cells=cells)
 
 
 def merged(emitters: Emitters, most: int, center: np.ndarray, radius: float) -> Emitters:

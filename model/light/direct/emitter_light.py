@@ -42,6 +42,7 @@ from .form_factors import (
 from .glossy_lobe import emitter_share, facet_cosines, facet_width2, is_small, small_emitter_share
 from .horizon import lambert_vector
 from .outlines import CIRCLE, RING, fans, outline_vectors, ring_points, rings
+from .picture_maps import PictureMaps
 from .terminator import start_heights
 
 FOG_REACH = 3.0  # network units from the centre: fog beyond dims no emitter
@@ -96,6 +97,7 @@ class EmitterLight:
         self.fog, self._cutouts = fog, cutouts
         self._fan = to_tensor(fans(emitters.corners))
         self._outward = F.pad(to_tensor(emitters.outward), (0, 0, 0, len(emitters.radii)))
+        self._maps = PictureMaps(emitters.pictures, emitters.cells, device) if emitters.pictures else None
         self._limits = Limits(*(values[emitters.kind] for values in Limits.of(scene)[0]))
         is_seen = self._limits.is_lamp == 0
         self._is_seen, self._shining = torch.as_tensor(is_seen, device=device), None
@@ -168,6 +170,7 @@ class EmitterLight:
         for names, rows in ((OF_POLYGONS, own), (OF_SPHERES, of_spheres), (OF_ALL, own)):
             for name in names:
                 setattr(one, name, getattr(self, name)[rows])
+        one._maps = None
         one._limits = Limits(*(values[own] for values in self._limits))
         one._divide()
         return one
@@ -348,7 +351,21 @@ class EmitterLight:
         cosine = cosines(direction, n)
         diffuse = self._form_factor(x, n, cosine, sine2) * in_beam
         glossy = self._glossy(x, n, direction, sine2, *gloss) * in_beam
-        return diffuse @ self._to_diffuse, glossy @ self._to_glossy
+        return diffuse @ self._to_diffuse, glossy @ self._to_glossy + self._detail(glossy, x, n, *gloss)
+
+    def _detail(self, share: Tensor, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor, f0: Tensor,
+                footprint: Tensor | None = None) -> Tensor | float:
+        """(P, 3) what pictures show beyond the means of their cells in lobes that have shares (P, E) of emitters."""
+        if self._maps is None:
+            return 0.0
+        turn2 = torch.zeros_like(roughness) if footprint is None else mirrored_turn2(footprint)
+        shown, by_maps = self._maps.shown(x, n, v, roughness, turn2)
+        last = slice(len(self.corners) - by_maps.shape[1] * self._maps.cells, len(self.corners))
+        cells = share[:, last].unflatten(1, (-1, self._maps.cells))
+        means = self._to_glossy[last].unflatten(0, cells.shape[1:])
+        shines = means.flatten(1).any(1)
+        difference = cells.sum(2)[..., None] * shown - torch.einsum("pkc,kcj->pkj", cells, means)
+        return (difference * (by_maps * shines)[..., None]).sum(1)
 
     def _glossy(self, x: Tensor, n: Tensor, direction: Tensor, sine2: Tensor, v: Tensor, roughness: Tensor,
                 f0: Tensor, footprint: Tensor | None = None) -> Tensor:

@@ -11,6 +11,7 @@ from ...geometry import area_vectors, surfaces, unit
 from ...scene import RenderScene
 from .emitter_clusters import NO_SHELL, Emitters, merged, triangle
 from .outlines import convex_outline, cut
+from .pictures import CELLS, Picture, find_pictures
 
 DISTANT = 15.0      # network units; an open surface beyond is a sun, which looks alike from everywhere
 MAX_EMITTERS = 96   # of a scene, as many as eight disk lamps: time and memory of direct light grow with them
@@ -62,13 +63,26 @@ def gather_emitters(scene: RenderScene) -> Emitters:
     kind = Limits.of(scene)[1][:, None]
     light = np.concatenate([scene.emission[rows], scene.beam_axis[rows], scene.beam_cosine[rows], kind], axis=1)
     center, radius = _bounding_sphere(scene)
-    emitters = _gathered(corners, light, center, radius, MAX_FACES)
-    if len(emitters) > MOST_WITH_FACES:
-        emitters = _gathered(corners, light, center, radius)
-    if len(emitters) > MAX_EMITTERS:
-        emitters = _gathered(corners, _evened(corners, light, center), center, radius)
-        emitters = merged(emitters, MAX_EMITTERS, center, radius)
-    return emitters
+    pictures, rest, cells = _pictures(scene, light)
+    emitters = _gathered(corners[rest], light[rest], center, radius, MAX_FACES)
+    if len(emitters) + cells > MOST_WITH_FACES:
+        emitters = _gathered(corners[rest], light[rest], center, radius)
+    if len(emitters) + cells > MAX_EMITTERS:
+        pictures, rest, cells = _pictures(scene, light, with_meshes=True)
+        evened = _evened(corners[rest], light[rest], center)
+        emitters = merged(_gathered(corners[rest], evened, center, radius), MAX_EMITTERS - cells, center, radius)
+    return emitters.beside(pictures, cells // len(pictures), light) if pictures else emitters
+
+
+def _pictures(scene: RenderScene, light: np.ndarray,
+              with_meshes: bool = False) -> tuple[list[Picture], np.ndarray, int]:
+    """As of find_pictures, (L,) bool, the triangles of none, and how many cells all of them have."""
+    pictures = [picture for picture in find_pictures(scene, light, with_meshes)
+                if np.linalg.norm(picture.outline.mean(axis=0)) <= DISTANT]
+    rest = np.ones(len(light), bool)
+    for picture in pictures:
+        rest[picture.rows] = False
+    return pictures, rest, len(pictures) * (CELLS // max(len(pictures), 1))
 
 
 def _gathered(corners: np.ndarray, light: np.ndarray, center: np.ndarray, radius: float,

@@ -17,7 +17,7 @@ from ...first_hits.sheets import own_texels
 from ...geometry import dot, reflected, refracted
 from ...material.reflectance import LEAST_LAYER, fresnel, layer_reflectance
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
-from ...shading import bent_to_reflect, seen_sky, side_normals, surface
+from ...shading import bent_to_reflect, emission_share, seen_sky, side_normals, surface
 from ...surface_kinds import Ray
 from .facets import LEAST_ROUGHNESS, exit_lobe, rough_facets
 from .glass import PURE, TURBID, Cast, is_glass, lost, passed_plates, tint_of_surface
@@ -115,6 +115,7 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
             tint = tint * media(origin, direction, np.where(triangle < 0, np.inf, distance))
         hit = (triangle >= 0) & ~is_light[token[triangle]]
         arriving = _emitted(scene, token[triangle[~hit]], direction[~hit], kind[~hit])
+        arriving *= _share_of_mean(scene, triangle[~hit], *(x[~hit] for x in (origin, direction, distance)))
         arriving *= (shows_lamps[path[~hit]] | (triangle[~hit] < 0))[:, None]
         if sheets is not None:
             arriving *= ~straight[path[~hit], None]
@@ -122,6 +123,9 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
         path, tint, origin, direction, entry, triangle, distance, reach = (
             x[hit] for x in (path, tint, origin, direction, entry, triangle, distance, reach))
         point, reach = origin + distance[:, None] * direction, np.maximum(reach, distance)
+        if scene.glow is not None:
+            glow = scene.glow[token[triangle]] * emission_share(scene, triangle, point)
+            ends.light[path] += tint * (glow if straight is None else glow * ~straight[path, None])
         normal, inside, texel = surface(scene, triangle, point, direction)
         base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC], texel[:, TRANSMISSION]
         bends = is_glass(texel, inside)
@@ -220,6 +224,12 @@ def _exit_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray, directi
     axis, roughness, share = exit_lobe(direction, normal, texel[:, ROUGHNESS], texel[:, IOR].clip(1), least)
     share = is_inside * share * np.maximum(texel[:, TRANSMISSION], TURBID)
     return Lobe(point, axis, tint * share[:, None], roughness[:, None])
+
+
+def _share_of_mean(scene: RenderScene, triangle: np.ndarray, origin: np.ndarray, direction: np.ndarray,
+                   distance: np.ndarray) -> np.ndarray:
+    """(P, 3) of the radiance of triangles (P,) that is met so far (P,) from points along unit vectors (P, 3)."""
+    return emission_share(scene, triangle, origin + np.where(triangle < 0, 0, distance)[:, None] * direction)
 
 
 def _emitted(scene: RenderScene, token: np.ndarray, direction: np.ndarray, ray: np.ndarray) -> np.ndarray:

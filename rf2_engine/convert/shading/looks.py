@@ -33,12 +33,13 @@ class Looks(NamedTuple):
     shadow_tile: np.ndarray
     shining_side: np.ndarray  # 1 the front alone, -1 the back alone, 0 both
     is_holdout: np.ndarray
+    emission_tile: np.ndarray
 
     @classmethod
     def empty(cls, count: int) -> Looks:
         index = np.zeros(count, np.int32)
         return cls(index, np.zeros((count, 3), np.float32), index.copy(), np.zeros(count, np.uint8), index.copy(),
-                   index - 1, index.copy(), np.zeros(count, bool))
+                   index - 1, index.copy(), np.zeros(count, bool), index - 1)
 
 
 def find_looks(materials: MaterialTiles, material: Material | None, mesh: TriangleMesh, instance: Instance) -> Looks:
@@ -46,6 +47,8 @@ def find_looks(materials: MaterialTiles, material: Material | None, mesh: Triang
     index, emission = materials.triangle_tiles(material, mesh, instance)
     looks = Looks.empty(len(mesh))._replace(tile_index=index, emission=emission, camera_tile=index, back_tile=index,
                                             is_holdout=materials.cuts_holes(material, mesh, instance))
+    if emission.any():
+        looks = looks._replace(emission_tile=materials.emission_index(material, mesh, instance, emission))
     if materials.differs_by_side(material):
         looks = _with_backs(looks, *materials.triangle_tiles(material, mesh, instance, is_behind=True))
         index, emission = looks.tile_index, looks.emission

@@ -11,6 +11,7 @@ from ....model.fields import Channels
 from ....model.scene import (
     BASE_COLOR,
     COAT,
+    EMISSION_SIZE,
     HEIGHT,
     IOR,
     METALLIC,
@@ -45,8 +46,16 @@ BAKED_CHUNK = 1024           # and where some may be baked, for which Cycles rea
 EMITTER_RADIANCE = 1.0       # from here on the own light of a surface outshines what it reflects
 DARK_FRACTION = 0.01         # of an emission texture: darker triangles do not shine if all are as small a share of it
 CLEAR = 0.95                 # a triangle that lets more light straight through than this is left out
+UNEVEN = 0.05                # of the mean emission of a triangle: it is a picture where it differs by more
+MOST_PICTURES = 1024         # triangles of a mesh with one; a finer mesh shows it by its triangles
 ONE_TRIANGLE = TriangleMesh(np.eye(3, dtype=np.float32)[None], np.full((1, 3, 3), 3 ** -0.5, np.float32), {}, None, {},
                             None, np.zeros(1, np.int32), np.float32([(0, 0, 0), (1, 1, 1)]))
+BRIGHTEST = 6e4              # that half floats hold
+INSIDE, INSIDE_FINE = (np.add.outer(np.arange(size), np.arange(size)) < size  # cells of a grid in the triangle
+                       for size in (TILE_SIZE, EMISSION_SIZE))
+QUARTERS = np.float32([  # weights of corners at those of the quarters of a triangle, so that their texels are its own
+    [(2, 0, 0), (1, 1, 0), (1, 0, 1)], [(1, 1, 0), (0, 2, 0), (0, 1, 1)], [(1, 0, 1), (0, 1, 1), (0, 0, 2)],
+    [(0, 1, 1), (1, 0, 1), (1, 1, 0)]]) / 2
 NO_LATENT = (0.0,) * 9
 # Of a tile (model/scene.py)
 BESIDE = Channels(1, translucent=1, fibre=1, clear=3, sheen=len(SHEEN), coat=len(COAT), guessed=1)
@@ -63,6 +72,7 @@ class MaterialTiles:
         self._latents: list[np.ndarray] = []
         self._beside: list[np.ndarray] = []  # (T, len(BESIDE))
         self._lobes: list[np.ndarray | int] = []  # of a chunk, or how many tiles it has without any
+        self._emission: list[np.ndarray] = []
         self._count = 0
         self._constant: dict[tuple, int] = {}
         self._differs_by_instance: set[Material] = set()  # those whose tiles differ by instance
@@ -146,6 +156,41 @@ class MaterialTiles:
         emission[_is_negligible(emission.max(axis=1), areas(mesh.corners))] = 0
         index[nothing & ~emission.any(axis=1)] = -1
         return index, emission
+
+    @property
+    def emission_tiles(self) -> np.ndarray | None:
+        """(S, 3, 32, 32) f16, the rows that `emission_index` means; None where there are none."""
+        return np.stack(self._emission) if self._emission else None
+
+    def emission_index(self, material: Material | None, mesh: TriangleMesh, instance: Instance,
+                       radiance: np.ndarray) -> np.ndarray:
+        """(n,) i32 rows of `emission_tiles` of triangles that emit (n, 3), as `triangle_tiles` says; -1 where evenly.
+        """
+        index, rows = np.full(len(mesh), -1, np.int32), np.flatnonzero(radiance.any(axis=1))
+        if material not in self._varying or not 0 < len(rows) <= MOST_PICTURES:
+            return index
+        for some in np.split(rows, range(CHUNK, len(rows), CHUNK)):
+            progress.report()
+            emission = self._fine_emission(material, mesh.take(some), instance)
+            if emission is None:
+                continue
+            mean = radiance[some, None, None]
+            for row, share in zip(some, emission / np.where(mean > 0, mean, np.inf), strict=True):
+                if np.ptp(share[INSIDE_FINE], axis=0).max() > UNEVEN:
+                    index[row] = len(self._emission)
+                    self._emission.append(np.moveaxis(share, -1, 0).clip(0, BRIGHTEST).astype(np.float16))
+        return index
+
+    def _fine_emission(self, material: Material, mesh: TriangleMesh, instance: Instance) -> np.ndarray | None:
+        """(m, 64, 64, 3) radiance of triangles, on a grid twice as fine as that of tiles; None where all are even."""
+        quarters = []
+        for weights in QUARTERS:
+            quarter = mesh.mapped(lambda values, weights=weights: weights @ values)
+            emission = self.evaluate(material, surface_points(quarter, instance))[0].emission
+            if emission.ndim == 1 or emission.shape[1] == 1:
+                return None
+            quarters.append(np.nan_to_num(emission).clip(0))
+        return _fine_grid(*quarters)
 
     def shows_through(self, material, mesh: TriangleMesh, instance: Instance, smooth: float) -> np.ndarray:
         """(n,) share of light that goes straight, or through glass of at most the roughness `smooth`, at triangles."""
@@ -314,12 +359,26 @@ def lobe_arrays(lobes: dict[str, np.ndarray], count: int) -> np.ndarray:
     return arrays
 
 
+def _fine_grid(first: np.ndarray, second: np.ndarray, third: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """(m, 64, 64, 3) values on triangles of those (m, 32, 32, 3) on their QUARTERS.
+
+    Those at the borders are of the texels before: at the very edge of an image its other edge begins.
+    """
+    fine = np.zeros((len(first), EMISSION_SIZE, EMISSION_SIZE, 3), np.float32)
+    fine[:, :TILE_SIZE, TILE_SIZE:], fine[:, TILE_SIZE:, :TILE_SIZE] = first, second
+    fine[:, :TILE_SIZE, :TILE_SIZE] = np.where(INSIDE[..., None], third, middle[:, ::-1, ::-1])
+    row = np.arange(EMISSION_SIZE)
+    column = row[::-1]
+    fine[:, row, column] = fine[:, row - (row > column), column - (row < column)]
+    fine[:, 0], fine[:, :, 0] = fine[:, 1], fine[:, :, 1]
+    fine[:, 0, -1], fine[:, -1, 0] = fine[:, 0, -2], fine[:, -2, 0]
+    return fine
+
+
 def mean_over_triangle(values: np.ndarray) -> np.ndarray:
     """(c,) or (m, 32, 32, c) -> (c,) or (m, c): mean over the cells inside the triangle. (m, 1, 1, c): it is even."""
     if values.ndim == 1:
         return values
     if values.shape[1:3] == (1, 1):
         return values[:, 0, 0]
-    rows = np.arange(TILE_SIZE)
-    inside = rows[:, None] + rows[None] < TILE_SIZE
-    return values[:, inside].mean(axis=1)
+    return values[:, INSIDE].mean(axis=1)

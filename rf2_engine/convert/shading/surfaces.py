@@ -16,7 +16,7 @@ from .material import MaterialTiles
 
 # Arrays of a RenderScene that it does without where all triangles have this value.
 USUAL = {"hidden": 0, "light_group": 0} | {name: SELDOM[name] for name in (
-    "group", "lit_groups", "blockers", "is_holdout", "shadow_tile")}
+    "group", "lit_groups", "blockers", "is_holdout", "shadow_tile", "emission_tile")}
 
 
 def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
@@ -43,7 +43,7 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
                             hit_materials.add(part, instance, materials, is_real)
                     count += np.count_nonzero(is_kept)
     scene = RenderScene(tiles=materials.tiles, latents=materials.latents, two_lobes=materials.two_lobes,
-                        **materials.beside)
+                        emission_tiles=materials.emission_tiles, **materials.beside)
     sides = rows.pop("shining_side")
     for name, values in rows.items():
         if values:

@@ -10,7 +10,8 @@ from renderformer_v2.model.geometry import area_vectors
 from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.direct.emitters import MAX_EMITTERS, gather_emitters
 from renderformer_v2.model.light.direct.outlines import cut, outline_vectors
-from renderformer_v2.model.scene import RenderScene, constant_tile
+from renderformer_v2.model.light.direct.pictures import CELLS
+from renderformer_v2.model.scene import EMISSION_SIZE, RenderScene, barycentric_grid, constant_tile
 
 FLOOR = np.float32([[(-2, -2, 0), (2, -2, 0), (2, 2, 0)], [(-2, -2, 0), (2, 2, 0), (-2, 2, 0)]])
 UP = np.array([0, 0, 1.0])
@@ -93,12 +94,80 @@ def test_emission_texture_becomes_few_emitters_of_the_same_light():
     radiance = np.random.default_rng(0).uniform(0, 5, (len(corners), 3)) * (corners.mean(axis=1) > 0)[:, :1] + 0.1
     scene = lit_by(corners, radiance)
     emitters = gather_emitters(scene)
-    assert len(emitters) == MAX_EMITTERS
+    assert len(emitters) == CELLS
     area = np.linalg.norm(outline_vectors(emitters.corners), axis=1)
+    np.testing.assert_allclose(area.sum(), 1.2, rtol=1e-4)  # they have no gaps
     exact = np.linalg.norm(area_vectors(corners), axis=1) @ radiance
     np.testing.assert_allclose(area @ emitters.radiance, exact, rtol=1e-4)
     for x in ((0, 0, 0), (1, 0.5, 0), (-0.4, 0.3, 1.0)):
         np.testing.assert_allclose(diffuse(scene, np.array(x)), irradiance(corners, radiance, x, UP), rtol=0.05)
+
+
+SCREEN = np.float32([[(-1, -1, 1), (-1, 1, 1), (1, 1, 1)], [(-1, -1, 1), (1, 1, 1), (1, -1, 1)]])  # facing down
+
+
+def screen(*others) -> RenderScene:
+    """A square that is red where x is below 0 and has green where it is above 0.5; and other triangles that shine."""
+    scene = lit_by(np.concatenate([SCREEN, *others]), 1.0)
+    grid = barycentric_grid(EMISSION_SIZE)
+    scene.emission_tile, scene.emission_tiles = np.full(len(scene), -1, np.int32), np.zeros(
+        (2, 3, EMISSION_SIZE, EMISSION_SIZE), np.float16)
+    for i, corners in enumerate(SCREEN):
+        x = (grid @ corners)[..., 0]
+        scene.emission_tile[i] = i
+        scene.emission_tiles[i] = np.stack([x < 0, x > 0.5, 0 * x])
+    return scene
+
+
+def test_a_screen_lights_by_place_and_with_all_of_its_light():
+    emitters = gather_emitters(screen())
+    area = np.linalg.norm(outline_vectors(emitters.corners), axis=1)
+    assert len(emitters) == CELLS
+    np.testing.assert_allclose(area @ emitters.radiance, (2, 1, 0), rtol=0.03)
+    fine = grid(40, 40, 2, 2, 1)
+    x = fine.mean(axis=1)[:, 0]
+    radiance = np.stack([x < 0, x > 0.5, 0 * x], axis=1)
+    for place in ((-0.9, 0, 0.5), (0, 0, 0), (0.9, 0.3, 0.5)):
+        np.testing.assert_allclose(diffuse(screen(), np.array(place)), irradiance(fine, radiance, place, UP), rtol=0.05,
+                                   atol=0.02)
+
+
+def test_faces_of_a_box_are_pictures_of_their_own():
+    scene = lit_by(box((1, 1, 1), (0, 0, 1)), 1.0)
+    scene.emission_tile = np.int32([0] * 12 + [-1, -1])
+    scene.emission_tiles = np.ones((1, 3, EMISSION_SIZE, EMISSION_SIZE), np.float16)
+    scene.emission_tiles[:, 0, ::2] = 0
+    emitters, per_face = gather_emitters(scene), CELLS // 6
+    assert len(emitters) == 6 * per_face and len(emitters.pictures) == 6
+    vectors = outline_vectors(emitters.corners).reshape(6, per_face, 3)
+    np.testing.assert_allclose(np.linalg.norm(vectors.sum(axis=1), axis=1), 1, rtol=1e-4)
+
+
+@pytest.mark.parametrize("height", [1e-5, 0, -1e-5])
+def test_a_screen_does_not_light_itself(height):
+    for x in ((0.3, 0.2, 1 - height), (-0.7, 0.77, 1 - height)):
+        np.testing.assert_allclose(diffuse(screen(), np.array(x), -UP), 0, atol=1e-3)
+
+
+def test_lamps_beside_a_screen_stay_as_they_are():
+    lamp = ball((0, 0, 0.5), 0.1, 16, 8)
+    emitters, alone = gather_emitters(screen(lamp)), gather_emitters(lit_by(lamp, 1.0))
+    assert len(emitters.corners) == CELLS and len(emitters.radii) == len(alone.radii) == 1
+    np.testing.assert_allclose(emitters.radii, alone.radii)
+    np.testing.assert_allclose(emitters.radiance[-1], 1)
+
+
+@pytest.mark.parametrize(("roughness", "sharpness"), [(0.0, 0.04), (0.1, 0.1), (0.3, 0.5)])
+def test_gloss_shows_the_picture_on_a_screen_and_blurs_it(roughness, sharpness):
+    light, x = DirectLight(screen()), np.linspace(-0.8, 0.8, 81)
+    points = torch.tensor(np.float32(np.stack([x, 0 * x, 0 * x], axis=1)))
+    up = torch.tensor([[0.0, 0, 1]]).expand_as(points)
+    glossy = light.lobes(points, up, up, torch.full((81,), roughness), torch.ones(81))[1].numpy()
+    far = np.abs(x) > sharpness
+    np.testing.assert_allclose(glossy[far, 0], x[far] < 0, atol=0.15)
+    far = np.abs(x - 0.5) > sharpness
+    np.testing.assert_allclose(glossy[far & (x < 0.7), 1], x[far & (x < 0.7)] > 0.5, atol=0.15)
+    assert (np.diff(glossy[:, 0]) < 0.02).all()
 
 
 def test_few_emitters_stay_as_they_are():

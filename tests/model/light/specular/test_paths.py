@@ -10,7 +10,7 @@ from renderformer_v2.model.light.specular.facets import pixel_starts
 from renderformer_v2.model.light.specular.glass import mirrored_by_plates
 from renderformer_v2.model.light.specular.paths import SURFACES, PathEnds, follow_paths
 from renderformer_v2.model.material.reflectance import fresnel
-from renderformer_v2.model.scene import RenderScene, constant_tile
+from renderformer_v2.model.scene import EMISSION_SIZE, RenderScene, constant_tile
 
 RED, GOLD = (0.8, 0.1, 0.1), (1.0, 0.7, 0.3)
 
@@ -69,6 +69,28 @@ def test_a_mirror_sends_a_path_on_and_colours_it():
     mirror = constant_tile(GOLD, metallic=1.0, roughness=0.1)
     found = ends(walls((2, -1, mirror), (-1, 1, constant_tile(RED))), (1, 0.5, 0))
     np.testing.assert_allclose(found.position, [(-1, 2.5, 0)], atol=1e-2)
+    np.testing.assert_allclose(found.color, [np.multiply(GOLD, RED)], atol=2e-3)
+
+
+def pictured(scene: RenderScene) -> RenderScene:
+    """The last square red where the weight of corner 0 is below a half, and green elsewhere, twice as bright."""
+    tile = np.zeros((1, 3, EMISSION_SIZE, EMISSION_SIZE), np.float16)
+    tile[0, 0, :, :EMISSION_SIZE // 2], tile[0, 1, :, EMISSION_SIZE // 2:] = 1, 2
+    return replace(scene, emission_tile=np.int32([-1] * (len(scene) - 2) + [0, 0]), emission_tiles=tile)
+
+
+@pytest.mark.parametrize(("direction", "expected"), [((1, 2, 1), (1, 0, 0)), ((1, -2, -2.5), (0, 2, 0))])
+def test_a_path_shows_the_picture_on_a_screen(direction, expected):
+    found = ends(pictured(walls((2, -1, constant_tile()), shines=True)), direction)
+    np.testing.assert_allclose(found.light, [expected], atol=1e-5)
+
+
+def test_a_path_shows_what_glows_where_it_ends_and_where_it_is_mirrored():
+    mirror = constant_tile(GOLD, metallic=1.0, roughness=0.1)
+    scene = pictured(walls((2, -1, mirror), (-1, 1, constant_tile(RED))))
+    scene.glow = np.float32([(0.1, 0.1, 0.1)] * 2 + [(0.2, 0.2, 0.2)] * 2)
+    found = ends(scene, (1, 0.5, 0))
+    np.testing.assert_allclose(found.light, 0.1 + np.multiply([(0.2, 0, 0)], GOLD), atol=2e-3)
     np.testing.assert_allclose(found.color, [np.multiply(GOLD, RED)], atol=2e-3)
 
 

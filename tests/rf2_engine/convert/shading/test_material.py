@@ -6,12 +6,19 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.model.scene import HEIGHT, ROUGHNESS, constant_tile
+from bl_ext.user_default.renderformer_v2.model.scene import (
+    EMISSION_SIZE,
+    HEIGHT,
+    ROUGHNESS,
+    barycentric_grid,
+    constant_tile,
+)
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.meshes import read_mesh
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.copied import Instance
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.functions import FUNCTIONS
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.layers import effective_ior
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.looks import find_looks
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material import MaterialTiles
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.spectrum import blackbody_color
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.volume import has_surface, volume_coefficients
@@ -123,6 +130,45 @@ def test_emission_texture_is_averaged_per_triangle():
     index, emission = tiles.triangle_tiles(copied(made), triangles(3, uv))
     np.testing.assert_allclose(emission[:, 0], [0, 8, 4], atol=0.15)
     assert not tiles.tiles[index, 0].any()
+
+
+def shining_image(uv):
+    """A material that shines by an image of two dark and two bright quarters, and triangles with UVs (n, 3, 2)."""
+    image = bpy.data.images.new("Quarters", 64, 64, float_buffer=True)
+    pixels = np.zeros((64, 64, 4), np.float32)
+    pixels[:32, 32:], pixels[32:, :32, 0], pixels[..., 3] = 1, 1, 1
+    image.pixels.foreach_set(pixels.ravel())
+    made, tree, shader = material("ShaderNodeEmission", Strength=8.0)
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image = image
+    tree.links.new(texture.outputs[0], shader.inputs["Color"])
+    return copied(made), triangles(len(uv), uv)
+
+
+def test_emission_that_varies_within_a_triangle_is_kept_on_a_fine_grid():
+    corners = np.float32([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]])
+    made, mesh = shining_image(corners)
+    tiles = MaterialTiles(Report())
+    looks = find_looks(tiles, made, mesh, Instance())
+    index, emission = looks.emission_tile, looks.emission
+    assert (index >= 0).all()
+    grid = barycentric_grid(EMISSION_SIZE)
+    inside = grid[..., 2] > -1e-6
+    for triangle in range(2):
+        u, v = np.moveaxis(grid[inside] @ corners[triangle], -1, 0)
+        away = (np.abs(u - 0.5) > 0.03) & (np.abs(v - 0.5) > 0.03)
+        radiance = tiles.emission_tiles[index[triangle]][:, inside].T * emission[triangle]
+        expected = np.where((u > 0.5) & (v < 0.5), 8, np.float32([[1], [0], [0]]) * 8 * ((u < 0.5) & (v > 0.5))).T
+        np.testing.assert_allclose(radiance[away], expected[away], atol=0.05)
+
+
+def test_even_emission_has_no_grid():
+    made, mesh = shining_image(np.float32([[(0.6, 0.1), (0.9, 0.1), (0.6, 0.4)]]))
+    even, _, _ = material("ShaderNodeEmission", Strength=8.0)
+    tiles = MaterialTiles(Report())
+    for each in made, copied(even):
+        assert find_looks(tiles, each, mesh, Instance()).emission_tile.tolist() == [-1]
+    assert tiles.emission_tiles is None
 
 
 def test_values_come_through_groups_reroutes_and_muted_nodes():
