@@ -54,14 +54,20 @@ def layer_albedo(f0: Tensor, roughness: Tensor, facets: Tensor | None = None) ->
     f0, roughness (perceptual): (P,); facets: (P,), another roughness that they are blurred to. Light between facets is
     made up for by the roughness of the layer itself, as in Cycles (Kulla and Conty 2017).
     """
-    amplitude = f0.sqrt()
-    index = (1 + amplitude) / (1 - amplitude).clamp_min(1e-3)
-    smooth = (index - 1) / (SMOOTH[0] + SMOOTH[1] * index)
+    smooth = _smooth_albedo(f0)
     straight, slanting = _uniform_sum(f0, roughness if facets is None else facets)
-    mean_slant = (smooth - f0).clamp_min(1e-6) / (1 - f0).clamp_min(1e-3)
-    grazing = mean_slant / torch.lerp(mean_slant, torch.full_like(f0, MEAN_SLANT), is_metal(f0))
+    exact, tabled = ((_smooth_albedo(x) - x).clamp_min(0) / (1 - x).clamp_min(1e-3)
+                     for x in (f0, f0.clamp_min(LAYERS[0])))
+    grazing = exact / torch.lerp(tabled, torch.full_like(f0, MEAN_SLANT), is_metal(f0))
     between = smooth * (1 / sum(_uniform_sum(f0, roughness)) - 1).clamp_min(0)
     return (f0 * straight + grazing * slanting) * (1 + between)
+
+
+def _smooth_albedo(f0: Tensor) -> Tensor:
+    """(P,) share of uniform light that smooth dielectrics reflect."""
+    amplitude = f0.sqrt()
+    index = (1 + amplitude) / (1 - amplitude).clamp_min(1e-3)
+    return (index - 1) / (SMOOTH[0] + SMOOTH[1] * index)
 
 
 def gain(f0: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
