@@ -159,7 +159,7 @@ class MaterialTiles:
 
     @property
     def emission_tiles(self) -> np.ndarray | None:
-        """(S, 3, 32, 32) f16, the rows that `emission_index` means; None where there are none."""
+        """(S, 3, 64, 64) f16, the rows that `emission_index` means; None where there are none."""
         return np.stack(self._emission) if self._emission else None
 
     def emission_index(self, material: Material | None, mesh: TriangleMesh, instance: Instance,
