@@ -12,6 +12,7 @@ from ...geometry import area_vectors
 
 NARROW = 4.0  # times that a needle is longer than its shortest side at least
 MOST = 64     # slices of one
+BY_WIDTH = 0.3  # how far the narrowest count for less, such as edges of boards, which would take the others' patches
 PIECES = 2    # triangles of a slice, at most
 ROUNDS = 40
 
@@ -58,17 +59,17 @@ def sharp_corners(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def slice_counts(triangles: np.ndarray, size: np.ndarray, density: np.ndarray, target: int) -> np.ndarray:
     """(N,) slices of triangles (N, 3, 3), 1 for what is no needle, so that pieces are about equally long.
 
-    size: (N,), share of all `target` pieces by area; density: (N,), share of a unit of area.
+    Narrow ones are longer. size: (N,), share of all `target` pieces by area; density: (N,), share of a unit of area.
     """
     _, ratio = sharp_corners(triangles)
     length2 = np.square(triangles - np.roll(triangles, 1, axis=1)).sum(axis=-1).max(axis=1)
-    is_needle, by_length = ratio > NARROW, length2 * density
+    wide = 2 * np.linalg.norm(area_vectors(triangles), axis=1) / length2.clip(1e-30)  # over their length
+    is_needle, by_length = ratio > NARROW, length2 * density * wide.clip(1e-6, 1) ** BY_WIDTH
     low, high = 1e-12 * max(by_length.max(initial=0), 1e-12), max(by_length.max(initial=0), 1e-12) * len(size)
     for _ in range(ROUNDS):  # of the squared length of a piece, in shares
         middle = np.sqrt(low * high)
         pieces = np.where(is_needle, PIECES * np.sqrt(by_length / middle), size / middle).sum()
         low, high = (middle, high) if pieces > target else (low, middle)
-    wide = 2 * np.linalg.norm(area_vectors(triangles), axis=1) / length2.clip(1e-30)  # over their length
     count = np.minimum(np.sqrt(by_length / high), 1 / wide.clip(1e-6)).round().clip(1, MOST)
     return np.where(is_needle, count, 1).astype(np.int64)
 
