@@ -5,6 +5,7 @@ Borders are pairs as of `beam_cosine` in scene.py.
 """
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -41,8 +42,9 @@ def smoothed(radiance: np.ndarray, borders: np.ndarray) -> tuple[np.ndarray, np.
     return radiance, borders
 
 
+@functools.lru_cache(maxsize=64)
 def _nearest_smooth(outer: float) -> tuple[float, float]:
-    """Gain and inner cosine of the least-squares fit to a Spread."""
+    """Gain and inner cosine of the least-squares fit to a Spread, once for all lamps that have it."""
     angle = np.linspace(0, math.acos(outer), STEPS)
     flux = np.cos(angle) * np.sin(angle)
     inner = outer + (1 - outer) * np.linspace(0.05, 1.5, 150)

@@ -34,9 +34,8 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     estimates of it that are right in different places, and the share of either is all that the network decides:
     factors that were learnt from few scenes are wrong in others. For the same reason the transformer's, and those of
     indirect light, are of light without rays only; by rays pixels change direct light, and the transformer says how far
-    the estimate is to be trusted without that. Where
-    the user lets no light bounce, which training never did, or lamps shine otherwise than estimates know, traced light
-    is believed and nothing is added.
+    the estimate is to be trusted without that. Where the user lets no light bounce, which training never did, or lamps
+    shine otherwise than estimates know, traced light is believed and nothing is added.
     """
     light, raw = view.light, raw.float()
     untraced = 1 - light.is_traced.view(-1, 1, 1, 1)
