@@ -259,7 +259,7 @@ class RenderScene:
     # ALL_GROUPS. A lamp's or emitter's light goes on rays from which it is not `hidden`
     light_bounces: np.ndarray | None = array("N", dtype=np.uint8, default="none")
     lit_groups: np.ndarray | None = array("N", dtype=np.uint64, default="none")
-    # Groups of surfaces that stop its light, bits; None = ALL_GROUPS
+    # Groups of surfaces that stop its light, bits; None = ALL_GROUPS; 0: no shadows, nor do media dim it
     blockers: np.ndarray | None = array("N", dtype=np.uint64, default="none")
     # Of lamps, whether they shine in other directions, or fall off otherwise, than beams and squares say; None = no
     is_rough_guess: np.ndarray | None = array("N", dtype=np.bool_, default="none")

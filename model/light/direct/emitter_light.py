@@ -60,7 +60,7 @@ DIM = 0.02       # of the brightest highlight at a point, below which others are
 # Fields of EmitterLight that have a row for each emitter.
 OF_POLYGONS, OF_SPHERES = ("corners", "rings", "_points", "_is_long", "_fan"), ("centers", "radii")
 OF_ALL = ("origins", "reach", "is_distant", "radiance", "beam_axis", "beam_cosine", "_outward", "_is_seen", "_before",
-          "_occluder")
+          "_occluder", "_casts_shadows")
 EMITTER = Channels(  # what it finds of an emitter at a point
     1,
     toward=(3, DIRECTION),  # unit direction to it
@@ -101,6 +101,7 @@ class EmitterLight:
         self._limits = Limits(*(values[emitters.kind] for values in Limits.of(scene)[0]))
         is_seen = self._limits.is_lamp == 0
         self._is_seen, self._shining = torch.as_tensor(is_seen, device=device), None
+        self._casts_shadows = torch.as_tensor(self._limits.blockers > 0, device=device)
         self._has_bodies = bool(is_seen[len(emitters.corners):].any())
         # What shines to one side is at the place of its surface, lumps and spheres stand for one around them.
         self._before = torch.where(self.beam_axis.any(1), END_GAP, ROUND * self.reach)
@@ -247,9 +248,9 @@ class EmitterLight:
         if self._cutouts is not None:
             arrives = arrives * self._cutouts.transmittance(origin, ray, end * arrives[:, 0])
         visible = arrives.new_zeros(*is_lit.shape, arrives.shape[1]).index_put((point, emitter), arrives)
-        if self.fog is None:
-            return visible
-        return visible * self.fog.transmittance(x[:, None], self.origins.renorm(2, 0, FOG_REACH))
+        if self.fog is not None:
+            visible = visible * self.fog.transmittance(x[:, None], self.origins.renorm(2, 0, FOG_REACH))
+        return torch.where(self._casts_shadows[:, None], visible, is_lit[..., None])
 
     def _is_blocked(self, emitter: Tensor, *rays: Tensor) -> Tensor:
         """(R,) bool of rays to emitters (R,), as TensorRays.is_blocked has them."""

@@ -84,8 +84,9 @@ class _Walk:
                 self._add_mesh(obj, copied, instance.matrix_world.is_negative, hidden_rays(instance))
         elif obj.type == "LIGHT":
             if obj.original not in self.linking.dark:
-                reach = Reach(hidden_rays(instance) & SEEING_LAMPS, min(obj.data.cycles.max_bounces, ANY),
-                              *self._linked_groups(obj))
+                lit, blockers = self._linked_groups(obj)
+                reach = Reach(hidden_rays(instance) & SEEING_LAMPS, min(obj.data.cycles.max_bounces, ANY), lit,
+                              blockers if obj.data.use_shadow else 0)
                 self.copied.lamps.append(LampInstance(obj.name, matrix, self.blocks.of(obj.data), reach,
                                                        self.light_groups.get(obj.lightgroup, 0)))
         elif obj.type in STRANDS:

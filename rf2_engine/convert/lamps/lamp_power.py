@@ -26,7 +26,7 @@ class LampLight:
     strength: np.ndarray                  # (3,) mean over the surface, and over all directions if they are alike
     directions: np.ndarray | None = None  # (n, 3) strength in the directions of `sphere(n)`, in the lamp's frame
     texture: np.ndarray | None = None      # (TEXTURE_SIZE, TEXTURE_SIZE, 3) [y, x] of an area lamp: mean 1, or 0
-    is_rough_guess: bool = False  # whether it falls off otherwise, or shadows do not stop it
+    is_rough_guess: bool = False  # whether it falls off otherwise
 
 
 def compute_lamp_light(light, name: str, report, frame: np.ndarray, distance: float) -> LampLight | None:
@@ -44,14 +44,12 @@ def compute_lamp_light(light, name: str, report, frame: np.ndarray, distance: fl
         strength = strength * _emission(light, name, report, frame, distance)
     strength = np.where(np.isinf(strength), np.nan, strength)  # Cycles drops light that is not finite
     strength = report.finite(name, "its strength", strength)
-    if not light.use_shadow:
-        report.approximated(name, "in estimated light it casts shadows, although its shadows are disabled")
     if (strength < 0).any():
         report.approximated(name, "negative light is ignored")
         strength = np.maximum(strength, 0)
     if not strength.any():
         return None
-    return replace(_parts(strength), is_rough_guess=not light.use_shadow or _has_falloff(light))
+    return replace(_parts(strength), is_rough_guess=_has_falloff(light))
 
 
 def _has_falloff(light) -> bool:

@@ -40,6 +40,11 @@ def sun_that_does_not_bounce(scene, light):
     lamp(scene, turn=(-0.9, 0.3, 0), energy=2, kind="SUN").data.cycles.max_bounces = 0
 
 
+def lamp_without_shadows(scene, light):
+    cube(scene, "Near", (0, 0, 1.2)).scale = (0.5, 0.5, 0.2)
+    light.data.use_shadow = False
+
+
 def bounces(**settings):
     def change(scene, light):
         for name, value in settings.items():
@@ -84,6 +89,7 @@ CHANGES = {
     "a lamp lights all but one wall": linked("EXCLUDE"),
     "one thing alone is in the way of a lamp's light": shaded_by("INCLUDE"),
     "one thing is not in the way of a lamp's light": shaded_by("EXCLUDE"),
+    "nothing is in the way of a lamp's light": lamp_without_shadows,
 }
 
 

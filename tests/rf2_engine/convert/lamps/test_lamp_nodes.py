@@ -128,7 +128,7 @@ def test_a_texture_on_an_area_lamp_shines_from_where_it_is():
 
 
 @pytest.mark.parametrize("change, is_rough_guess",
-                         [(None, False), ("scale", True), ("falloff", True), ("shadow", True)])
+                         [(None, False), ("scale", True), ("falloff", True)])
 def test_lamps_that_shine_otherwise_than_beams_are_a_rough_guess(change, is_rough_guess):
     obj, tree, emission = shining("SPOT")
     if change == "scale":
@@ -136,5 +136,4 @@ def test_lamps_that_shine_otherwise_than_beams_are_a_rough_guess(change, is_roug
     elif change == "falloff":
         node = tree.nodes.new("ShaderNodeLightFalloff")
         tree.links.new(node.outputs["Constant"], emission.inputs["Strength"])
-    obj.data.use_shadow = change != "shadow"
     assert converted(obj).seldom("is_rough_guess").all() == is_rough_guess

@@ -153,8 +153,5 @@ def test_what_a_lamp_loses_is_reported():
     assert len(converted(portal, report)) == 0 and not report.entries
     converted(lamp("POINT", POSE, shadow_soft_size=0.0), report)
     converted(lamp("SUN", POSE, angle=0.0), report)
-    unshaded = lamp("POINT", POSE, shadow_soft_size=1.0)
-    unshaded.data.use_shadow = False
-    converted(unshaded, report)
-    assert [kind for kind, _, _ in report.entries] == ["approximated"] * 3
+    assert [kind for kind, _, _ in report.entries] == ["approximated"] * 2
     assert all("estimated" in message for _, _, message in report.entries)
