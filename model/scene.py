@@ -47,7 +47,7 @@ METALLIC, ROUGHNESS, IOR, TRANSMISSION, HEIGHT = map(
     TILE.index, ("metallic", "roughness", "ior", "transmission", "height"))
 
 SHEEN = Channels(1, color=(3, COLOR), roughness=1)
-OF_TILES = "translucent", "fibre", "sheen", "coat", "guessed"  # optional fields of RenderScene, 0 by default
+OF_TILES = "translucent", "fibre", "sheen", "coat", "guessed", "single"  # optional fields of RenderScene, 0 by default
 COAT = Channels(1, weight=1, f0=1, roughness=1, share=1)  # share: in the roughness of the surface as a whole
 TWO_LOBES = Channels(1, diffuse=(3, COLOR), specular=(3, COLOR), roughness=1)  # as the published diffspec mapper reads
 
@@ -306,6 +306,8 @@ class RenderScene:
     coat: np.ndarray | None = array("T", len(COAT), channels=COAT, default="none")
     # Share of a tile's light whose lobe has another shape than estimates know; None = nothing
     guessed: np.ndarray | None = array("T", default="none")
+    # Share of a tile's gloss whose facets do not light each other (GGX without multiple scattering); None = nothing
+    single: np.ndarray | None = array("T", default="none")
     # Light group of what a triangle and the environment emit, counted from 1; 0 or None = none
     light_group: np.ndarray | None = array("N", dtype=np.int32, default="none")
     environment_group: np.ndarray | None = array(1, dtype=np.int32, default="none")

@@ -17,7 +17,7 @@ from ..scene import Guides, RenderScene, View
 from ..scene_rays import scene_rays
 from ..shading import on_tokens, shading_normals
 from ..surface_kinds import ALL, SEEN, Ray
-from . import denoise_media, emitter_silhouettes, glass_from_inside
+from . import denoise_media, emitter_silhouettes, glass_from_inside, rough_gloss
 from .camera_rays import FINDING, CameraRays
 from .denoise_media import Behind
 from .from_rays import lobe_colors
@@ -85,6 +85,7 @@ def guides_from_passes(passes: Passes, scene: RenderScene, view: View, nearest_t
     guides.normal[several] = shown.normal[several]
     report()
     guides = glass_from_inside.with_reflectance(emitter_silhouettes.smoothed(guides, scene, view), scene, view)
+    guides = rough_gloss.darkened(guides, scene, view)
     if guides.traced is None:
         guides = _with_fibres(guides, scene, view)
     behind = _behind_media(scene, camera, hit, surfaces) if has_media else None

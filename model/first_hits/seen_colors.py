@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..material import sheen
-from ..material.reflectance import LAYERS, LEAST_LAYER, layer_reflectance, normal_reflectance, split_sum
+from ..material.reflectance import LAYERS, LEAST_LAYER, layer_reflectance, metal_share, normal_reflectance, split_sum
 from ..scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
 from .hit_materials import roughness_below
 
@@ -32,7 +32,7 @@ def seen_colors(colors: np.ndarray, texel: np.ndarray, cosine: np.ndarray, scene
         f0 = (1 - (1 - f0) / (1 - weight * coat_f0)).clip(0)  # of the layer below, which the tile's contains both
     white, of_metal, slanting = split_sum(cosine, roughness)
     white, of_metal, slanting = (x[:, None] for x in (white, of_metal, _of_layer(slanting, f0)))
-    metal = base + (1 - base) * of_metal / white  # with the light between its facets
+    metal = (base + (1 - base) * of_metal / white) * metal_share(base, white, scene.of_tiles("single")[tile, None])
     layer = f0[:, None] * (white - slanting) + (f0[:, None] / LEAST_LAYER).clip(max=1) * slanting
     glossy = above + (1 - above) * (metallic * metal + (1 - metallic) * layer)
     glossy -= metallic * base + (1 - metallic) * normal_reflectance(texel[:, IOR, None])

@@ -75,7 +75,8 @@ def _sent(scene: RenderScene, direct: DirectLight) -> Tensor:
     normal[len(scene):] *= -1
     everything = torch.ones_like(center)
     light = direct.diffuse(center, normal, Visibility(everything, everything)).unflatten(0, (2, -1)).transpose(0, 1)
-    albedo = tile_albedo(scene.tiles.mean(axis=(2, 3), dtype=np.float32)).reshape(-1, 3, 3).sum(1)
+    albedo = tile_albedo(scene.tiles.mean(axis=(2, 3), dtype=np.float32), scene.of_tiles("single"))
+    albedo = albedo.reshape(-1, 3, 3).sum(1)
     sides = np.stack([albedo[scene.tile_index], albedo[scene.tile_behind]], axis=1)
     return light * torch.from_numpy(sides).to(light)
 

@@ -19,7 +19,7 @@ from ..light_passes import Lobes
 from ..pictures import bands
 from ..scene import Guides
 from .exposure import display_encode, key_exposure
-from .features import SAMPLES, SURFACE, GuidedView, noise_of, samples_of
+from .features import SURFACE, GuidedView, noise_of, samples_of
 from .pixel_decoder import PixelDecoder
 
 LATENT = 8                         # channels by which the pixel decoder has a say
@@ -31,6 +31,7 @@ CENTER = WEIGHTS // 2
 BAND_PIXELS = 1 << 17              # filtered at a time by each thread
 CENTER_LOGIT = 20.0                        # of the center, that leaves no weight for the others
 BRIGHT = 0.05                       # emission of an emitter's pixel, in the exposure of the picture
+FEW = 4                             # samples from which on kernels do less
 LEAST_WEIGHT = 2e-3                       # smaller weights become 0: a neighbour may be a thousand times brighter
 
 
@@ -54,11 +55,11 @@ class KernelPredictor(PixelDecoder):
 def apply_kernels(picture: Tensor, kernels: Tensor, samples: Tensor | int = 0) -> Tensor:
     """Filter pictures (V, C, H, W) by kernels (V, WEIGHTS, H, W); the outermost pixels are repeated beyond the sides.
 
-    samples: of all pixels, or of each (V, 1, H, W); the more there are than in training, the weaker the filter.
+    samples: of all pixels, or of each (V, 1, H, W); the more there are, the weaker the filter. Scenes of training have
+    hardly any fine textures, and what is clean is better left alone elsewhere.
     """
-    trained = SAMPLES[-1]
-    most = samples.clamp_min(trained) if isinstance(samples, Tensor) else max(samples, trained)
-    kernels = (kernels - LEAST_WEIGHT).clamp_min(0) * (trained / most)
+    many = (samples if isinstance(samples, Tensor) else torch.tensor(float(samples))).clamp_min(FEW)
+    kernels = (kernels - LEAST_WEIGHT).clamp_min(0) * (FEW / many) ** (1 / 3)
     h, w = picture.shape[2:]
     padded = F.pad(picture, (RADIUS,) * 4, mode="replicate")
     side = 2 * RADIUS + 1
@@ -94,7 +95,7 @@ def near_emitters(emission: Tensor) -> Tensor:
 def antialiased_views(predictor: KernelPredictor, radiance: Tensor, view: GuidedView, latent: Tensor) -> Tensor:
     """Filter the pictures (V, 3, H, W) of views in their exposure, of which `radiance` is what `kernel_inputs` takes.
 
-    Emitters and environment are added before.
+    As those of few samples, so that kernels learn to do all that they can. Emitters and environment are added before.
     """
     exposure = key_exposure((radiance.detach() + view.seen[:, 3:]).mean(1).flatten(1)).view(-1, 1, 1, 1)
     normal, alpha, noise = (view.surface[:, SURFACE[name]] for name in ("normal", "alpha", "noise"))

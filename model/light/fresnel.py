@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..compute.devices import run_operator
-from ..material.reflectance import LAYERS, split_sum_table
+from ..material.reflectance import LAYERS, metal_share, split_sum_table
 
 DIELECTRIC, METAL = 0.05, 0.1  # f0 up to which surfaces are dielectrics, and from which on metal
 LEAST_ALBEDO = 1e-3
@@ -61,6 +61,13 @@ def layer_albedo(f0: Tensor, roughness: Tensor, facets: Tensor | None = None) ->
     grazing = exact / torch.lerp(tabled, torch.full_like(f0, MEAN_SLANT), is_metal(f0))
     between = smooth * (1 / sum(_uniform_sum(f0, roughness)) - 1).clamp_min(0)
     return (f0 * straight + grazing * slanting) * (1 + between)
+
+
+def single_scattering(base: Tensor, roughness: Tensor) -> Tensor:
+    """(P, 3) share of what metals of a base color (P, 3) reflect of uniform light whose facets do not light each other;
+    roughness: (P,)."""
+    white = sum(_uniform_sum(torch.ones_like(roughness), roughness))[:, None]
+    return white / metal_share(base, white, 0.0)
 
 
 def _smooth_albedo(f0: Tensor) -> Tensor:

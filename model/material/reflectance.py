@@ -57,6 +57,16 @@ def visible_facets(normal: np.ndarray, ray: np.ndarray, alpha: np.ndarray, rando
     return np.einsum("nkc,nk->nc", axes, facet).astype(np.float32)
 
 
+def metal_share(base, white, single):
+    """Share of its light that rough metal of a base color sends on although facets hide each other; arrays or tensors.
+
+    white: what is left of light that has met one white facet. The rest meets more of them (Kulla and Conty 2017), but
+    for a share `single` of the surface.
+    """
+    lost = 1 - white
+    return white + (1 - single) * lost * base * white / (1 - base * lost)
+
+
 def slants(cosine: np.ndarray) -> list[np.ndarray]:
     """How far facets that light meets at cosines reflect as at grazing angles: of metals (Schlick 1994), of LAYERS."""
     iors = (1 + np.sqrt(LAYERS)) / (1 - np.sqrt(LAYERS))

@@ -21,7 +21,7 @@ from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, BOUNCED, REFLECTING, SOLID, STRAIGHT_THROUGH, Kind, clear_tiles, is_kind
 from ..direct.emitter_light import NearEmitters
 from ..direct.terminator import edge_heights, heights
-from ..fresnel import layer_albedo
+from ..fresnel import layer_albedo, single_scattering
 from ..sampling import hashed_starts, triangle_weights
 from .grouping import group_elements, group_patches
 from .openness import Openness
@@ -111,7 +111,7 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     most = round(share * PATCHES)
     kinds = scene_rays(scene).trees.kinds
     means, translucence = _solid_means(scene)
-    material = np.concatenate([tile_albedo(means), _layer(means)], axis=1)
+    material = np.concatenate([tile_albedo(means, scene.of_tiles("single")), _layer(means)], axis=1)
     shines = is_kind(kinds, Kind.EMITTER)
     rows = scene_rays(scene).rows(REFLECTING, BOUNCED)
     is_black = ~material[:, :9].any(axis=1)[scene.tile_index[scene.surfaces.token[rows]]]
@@ -163,16 +163,18 @@ def _solid_means(scene: RenderScene) -> tuple[np.ndarray, np.ndarray]:
     return means, np.where(is_clear, (translucence / rest).clip(0, 1), translucence)
 
 
-def tile_albedo(means: np.ndarray) -> np.ndarray:
-    """(tiles, 11) mean parameters -> (tiles, 9) albedo for uniform light: RGB of the diffuse lobe, of metal, of a
-    dielectric's layer."""
+def tile_albedo(means: np.ndarray, single: np.ndarray) -> np.ndarray:
+    """(tiles, 11) mean parameters, (tiles,) `single` of RenderScene -> (tiles, 9) albedo for uniform light: RGB of the
+    diffuse lobe, of metal, of a dielectric's layer."""
     base, metallic, transmission = means[:, BASE_COLOR], means[:, METALLIC, None], means[:, TRANSMISSION, None]
     inside = (1 - transmission) + TRANSMITTED * transmission
     f0, blurred_to = map(torch.from_numpy, _layer(means).T)
-    own, sent = (layer_albedo(f0, torch.from_numpy(means[:, ROUGHNESS]), facets)[:, None].numpy()
-                 for facets in (None, blurred_to))
+    roughness = torch.from_numpy(means[:, ROUGHNESS])
+    own, sent = (layer_albedo(f0, roughness, facets)[:, None].numpy() for facets in (None, blurred_to))
     diffuse = (1 - metallic) * (1 - own) * base * inside
-    return np.concatenate([diffuse, metallic * base, np.repeat((1 - metallic) * sent, 3, axis=1)], axis=1)
+    once = single_scattering(torch.from_numpy(base), roughness).numpy()
+    metal = metallic * base * (1 + single[:, None] * (once - 1))
+    return np.concatenate([diffuse, metal, np.repeat((1 - metallic) * sent, 3, axis=1)], axis=1)
 
 
 def _layer(means: np.ndarray) -> np.ndarray:

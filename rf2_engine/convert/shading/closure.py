@@ -42,6 +42,7 @@ class Closure:
     fibre: np.ndarray = None         # (..., 1) by luminance, of what hair scatters
     sheen: np.ndarray = None         # (..., 4) colour, its mean over views is in `color`; roughness by luminance
     guessed: np.ndarray = None       # (..., 1) by luminance, of lobes that have another shape
+    single: np.ndarray = None        # (..., 1) by gloss, of what facets scatter once
     coat: np.ndarray = None          # (..., 4) weight; by it f0, roughness, and share in the roughness of the surface
     holdout: np.ndarray = None       # (..., 1) share that is cut out of the film
 
@@ -74,6 +75,7 @@ class SurfaceParameters:
     sheen: np.ndarray
     coat: np.ndarray
     guessed: np.ndarray
+    single: np.ndarray
     holdout: np.ndarray
 
 
@@ -90,6 +92,13 @@ def lobe(color, metallic=ZERO, roughness=ONE, ior=ONE, transmission=ZERO, normal
 def guess(closure: Closure, share: np.ndarray = ONE) -> Closure:
     """The closure, a share (..., 1) of which has another shape than its lobe."""
     closure.guessed = closure.lobe * share
+    return closure
+
+
+def scattered_once(closure: Closure, node) -> Closure:
+    """The closure of a node, whose facets do not light each other unless its distribution says so."""
+    if node.distribution != "MULTI_GGX":
+        closure.single = closure.gloss
     return closure
 
 
@@ -131,4 +140,5 @@ def parameters(closure: Closure) -> SurfaceParameters:
         clear=closure.clear, translucent=mean(closure.translucent, closure.lobe, 0.0),
         fibre=mean(closure.fibre, closure.lobe, 0.0), holdout=closure.holdout,
         sheen=joined(sheen, mean(sheen_roughness, sheen @ LUMINANCE[:, None], 0.0)),
-        coat=joined(coat, mean(of_coat, coat, 0.0)), guessed=mean(closure.guessed, closure.lobe, 0.0))
+        coat=joined(coat, mean(of_coat, coat, 0.0)), guessed=mean(closure.guessed, closure.lobe, 0.0),
+        single=mean(closure.single, closure.gloss, 0.0))

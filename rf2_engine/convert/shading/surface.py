@@ -10,7 +10,20 @@ from ....model.pictures import LUMINANCE
 from ....model.scene import COAT
 from ..data.arrays import mix_values
 from . import layers
-from .closure import BLACK, ONE, TINY, WHITE, ZERO, Closure, guess, joined, lobe, window, with_sheen
+from .closure import (
+    BLACK,
+    ONE,
+    TINY,
+    WHITE,
+    ZERO,
+    Closure,
+    guess,
+    joined,
+    lobe,
+    scattered_once,
+    window,
+    with_sheen,
+)
 from .node_call import NodeCall
 from .normal_map import tangent_normal
 
@@ -86,6 +99,7 @@ def principled(n: NodeCall):
     ior = mix_values(layers.effective_ior(ior, level, coat, film), ior, transmission)
     wall = np.clip(n.get("Thin Wall"), 0, 1)
     surface = lobe(color, metallic, roughness, ior, transmission * (1 - wall), tangent_normal(n))
+    surface = scattered_once(surface, n.node)
     surface = with_sheen(surface, sheen, n.get("Sheen Roughness"))
     surface.coat = clear_coat
     matte = np.clip(n.get("Diffuse Roughness"), 0, 1) * (1 - metallic) * (1 - transmission)
@@ -176,7 +190,8 @@ def glossy(n: NodeCall):
     if np.any(n.get("Anisotropy") != 0):
         n.folded("anisotropy is ignored")
     _report_film(n)
-    return guess(lobe(color, ONE, n["Roughness"], normal=tangent_normal(n)), np.abs(n.get("Anisotropy")).clip(0, 1))
+    surface = scattered_once(lobe(color, ONE, n["Roughness"], normal=tangent_normal(n)), n.node)
+    return guess(surface, np.abs(n.get("Anisotropy")).clip(0, 1))
 
 
 def glass(n: NodeCall):

@@ -47,6 +47,19 @@ def test_a_metal_gets_white_towards_grazing_angles(wide):
     np.testing.assert_allclose(glossy, BASE + (1 - BASE) * (1 - cosine[:, None]) ** 5, atol=0.03)
 
 
+@pytest.mark.parametrize("single, measured", [(0, (0.314, 0.106, 0.052)), (1, (0.228, 0.094, 0.048))])
+def test_rough_metal_loses_what_its_facets_hide_from_each_other(wide, single, measured):
+    """Measured in Cycles, at a cosine of 0.479, with distributions with and without multiple scattering."""
+    scene = floor_scene()
+    scene.tiles[:, :3] = np.float16((0.5, 0.2, 0.1))[:, None, None]
+    scene.tiles[:, METALLIC], scene.tiles[:, ROUGHNESS] = 1, 1
+    scene.single = np.full(len(scene.tiles), single, np.float32)
+    cosine, _, glossy = seen(scene, wide)
+    near = np.abs(cosine - 0.479) < 0.05
+    assert near.sum() > 10
+    np.testing.assert_allclose(glossy[near].mean(0), measured, atol=0.015)
+
+
 def test_a_coat_is_above_what_it_covers(wide):
     """Half a coat of f0 0.04 on a metal, whose tile has its roughness in part."""
     scene = floor_scene()

@@ -17,3 +17,16 @@ def test_a_polished_wall_lights_the_floor_before_it(scene, tmp_path, metallic):
     bpy.data.objects.remove(scene.objects["ceiling"])
     lamp(scene, kind="SUN", turn=(0.2, -0.5, 0), energy=3)
     assert_alike(*beside_cycles(scene, tmp_path), rtol=0.1)
+
+
+@pytest.mark.parametrize("distribution", ["GGX", "MULTI_GGX"])
+@pytest.mark.parametrize("light", ["TRACED", "NETWORK"])
+def test_rough_walls_of_metal_are_as_bright_as_their_facets_let_light_out(scene, tmp_path, distribution, light):
+    rough = material("Rough", (0.8, 0.5, 0.3))
+    node = rough.node_tree.nodes["Principled BSDF"]
+    node.distribution = distribution
+    node.inputs["Roughness"].default_value, node.inputs["Metallic"].default_value = 0.8, 1
+    room(scene, right=rough, back=rough)
+    lamp(scene)
+    scene.renderformer_v2.light = light
+    assert_alike(*beside_cycles(scene, tmp_path), rtol=0.1)

@@ -347,6 +347,19 @@ def test_tiles_say_how_much_of_a_surface_has_a_lobe_of_another_shape(kind, input
     assert (0 if guessed is None else guessed[index[0]]) == pytest.approx(expected)
 
 
+@pytest.mark.parametrize("kind, distribution, expected", [
+    ("ShaderNodeBsdfPrincipled", "MULTI_GGX", 0), ("ShaderNodeBsdfPrincipled", "GGX", 1),
+    ("ShaderNodeBsdfGlossy", "BECKMANN", 1), ("ShaderNodeBsdfMetallic", "GGX", 1), ("ShaderNodeBsdfDiffuse", None, 0)])
+def test_tiles_say_whether_their_facets_light_each_other(kind, distribution, expected):
+    made, node = material(kind)[:2]
+    if distribution:
+        node.distribution = distribution
+    tiles = MaterialTiles(Report())
+    index, _ = tiles.triangle_tiles(copied(made), triangles(1))
+    single = tiles.beside["single"]
+    assert (0 if single is None else single[index[0]]) == pytest.approx(expected)
+
+
 def test_tiles_say_what_coat_and_sheen_are():
     tiles = MaterialTiles(Report())
     made = material(Roughness=0.5, Coat_Weight=0.8, Coat_Roughness=0.1, Sheen_Weight=0.5, Sheen_Roughness=0.7,
