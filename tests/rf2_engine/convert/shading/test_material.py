@@ -351,7 +351,7 @@ def test_tiles_say_how_much_of_a_surface_has_a_lobe_of_another_shape(kind, input
     ("ShaderNodeBsdfPrincipled", "MULTI_GGX", 0), ("ShaderNodeBsdfPrincipled", "GGX", 1),
     ("ShaderNodeBsdfGlossy", "BECKMANN", 1), ("ShaderNodeBsdfMetallic", "GGX", 1), ("ShaderNodeBsdfDiffuse", None, 0)])
 def test_tiles_say_whether_their_facets_light_each_other(kind, distribution, expected):
-    made, node = material(kind)[:2]
+    made, _, node = material(kind)
     if distribution:
         node.distribution = distribution
     tiles = MaterialTiles(Report())
