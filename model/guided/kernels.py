@@ -52,7 +52,7 @@ class KernelPredictor(PixelDecoder):
         return super().forward(inputs).softmax(1)
 
 
-def apply_kernels(picture: Tensor, kernels: Tensor, samples: Tensor | int = 0) -> Tensor:
+def apply_kernels(picture: Tensor, kernels: Tensor, samples: Tensor | int = FEW) -> Tensor:
     """Filter pictures (V, C, H, W) by kernels (V, WEIGHTS, H, W); the outermost pixels are repeated beyond the sides.
 
     samples: of all pixels, or of each (V, 1, H, W); the more there are, the weaker the filter. Scenes of training have
@@ -120,6 +120,7 @@ def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], lob
             Guides(**{key: wide(guide) for key, guide in guides.arrays().items()}))
         return {key: picture[:, reach:-reach] for key, picture in widened.items()}
     device, (height, width) = predictor.enter.weight.device, guides.alpha.shape
+    is_traced = guides.traced is not None  # else the noise is that of our rays, however many samples first hits have
     exposure = float(key_exposure(torch.from_numpy((lobes.radiance + guides.environment).mean(-1).ravel())))
 
     def filtered(outer: slice, inner: slice) -> np.ndarray:
@@ -127,7 +128,7 @@ def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], lob
         inputs, may_change = _inputs(lobes.rows(outer), guides.rows(outer), np.float32(exposure), samples)
         kernels = predictor(inputs.to(device)) * may_change.to(device)
         joined = to_tensor(np.dstack([picture[outer] for picture in pictures.values()])).to(device)
-        counts = to_tensor(samples[..., None]).to(device)
+        counts = to_tensor(samples[..., None]).to(device) if is_traced else FEW
         return apply_kernels(joined, kernels, counts)[0, :, inner].permute(1, 2, 0).cpu().numpy()
 
     pixels = current_pieces().limit(BAND_PIXELS)

@@ -19,13 +19,14 @@ from ...progress import part
 from ...scene import IOR, ROUGHNESS, Guides, RenderScene, View
 from ...scene_rays import scene_rays
 from ...shading import bent_to_reflect, side_normals, surface
-from ...surface_kinds import ALL, BENDING, SEEN, STRAIGHT_THROUGH, Ray
+from ...surface_kinds import ALL, BENDING, SEEN, STRAIGHT_THROUGH, Kind, Ray
 from .facets import pixel_starts, rough_facets
 from .glass import Cast, lost, mirrored_by_plates
 from .paths import BLURRED, LIFT, Lobe, Media, PathEnds, Sheets, follow_paths
 
 PATHS = 1 << 18  # of a lobe, at most
 CHUNK = 1 << 14  # paths that are followed at a time
+MET = ALL & ~Kind.BACK  # by paths
 FULL = "position", "light"  # fields in full floats, others in half ones
 
 
@@ -81,19 +82,20 @@ def _follow(guides: Guides, scene: RenderScene, view: View, lobe: PathLobe, rows
             step: int, media: Media | None) -> list[PathEnds]:
     """The paths of some pixels, every `step`-th, in chunks."""
     rays = scene_rays(scene)
-    everything = rays.among(ALL, lobe.ray)
+    everything = rays.among(MET, lobe.ray)
     passes_sheets = guides.straight is not None and lobe.ray == Ray.TRANSMISSION
     clear, seen = (sheet_tiles(scene), rays.among(SEEN, Ray.CAMERA).closest) if passes_sheets else (None, None)
     # Where paths start at half-transparent sheets, these are not what touches glass.
-    touched = ALL & ~BENDING if guides.straight is None else ALL & ~BENDING & ~STRAIGHT_THROUGH
-    solid = rays.among(touched, lobe.ray).closest if len(rays.rows(BENDING, lobe.ray)) else None
+    touched = MET & ~BENDING if guides.straight is None else MET & ~BENDING & ~STRAIGHT_THROUGH
+    has_glass = len(rays.rows(BENDING, lobe.ray)) > 0
+    solid, glass = (rays.among(kinds, lobe.ray).closest if has_glass else None for kinds in (touched, BENDING))
 
     def follow(rows: np.ndarray, columns: np.ndarray) -> PathEnds:
         start = pixel_starts(rows // step, columns // step) if lobe.ray == Ray.TRANSMISSION else None
         first = _first_segments(guides, scene, view, everything.closest, rows, columns, start)
         sheets = Sheets(clear, guides.straight[rows, columns], seen) if passes_sheets else None
         ends = follow_paths(scene, everything.closest, first.position, first.direction, first.eye, solid, media, start,
-                            sheets, first.entry)
+                            sheets, first.entry, glass)
         ends.scale(first.factor)
         return ends
 

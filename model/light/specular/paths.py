@@ -26,6 +26,8 @@ SURFACES = 6       # a path passes at most
 SMOOTH = 0.5       # roughness up to which a metal is a mirror
 LIFT = 1e-4        # of the longest segment so far, that a ray starts off its surface
 SHARP, BLURRED = 0.15, 0.35  # roughness up to which a reflection is an image, and from which it is a mean over the lobe
+AT_ONCE = 3e-6     # of the longest segment, within which glass and what it stands on are met at once
+LAMPS = 4          # that do not shine on it a path passes at a time
 LEAST_BLUR = 0.03  # roughness of smooth surfaces in which lamps are mirrored
 
 Media = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -79,17 +81,19 @@ def blur(roughness):
 
 def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarray, eye: np.ndarray,
                  solid: Cast | None = None, media: Media | None = None, start: np.ndarray | None = None,
-                 sheets: Sheets | None = None, entry: np.ndarray | None = None) -> PathEnds:
+                 sheets: Sheets | None = None, entry: np.ndarray | None = None, glass: Cast | None = None) -> PathEnds:
     """Follow paths from world points (P, 3) along unit directions (P, 3); none may start at a lamp.
 
     A path that has met SURFACES surfaces ends at the last one as if that were matte, or is lost in glass. eye: (3,) or
     (P, 3), the point from which the origins are seen. cast(origins, directions), such as `Rays.closest`, returns the
     nearest triangle (S,) i32, -1 for none, and its distance (S,). solid: the same for everything but glass, so that
-    paths end at what glass touches. media: share of light (S, 1 or 3) that gets from points (S, 3) along directions
-    (S, 3) for distances (S,). start: (P, 2) of `pixel_starts`, of refractions, which meet facets of rough glass; None
-    of reflections, which take glass for smooth. sheets: of refractions, where some begin on half-transparent surfaces;
-    what shines straight behind these is not in the light, nor are lamps that the `lobe` shows. entry: (P, 3) normals of
-    the sides at which paths have entered glass; by default, and 0, they have not.
+    paths end at what glass touches; glass: for glass alone. What lies in exactly the same plane as glass is black
+    behind that, as in Cycles, whose rays go to and fro between both. media: share of light (S, 1 or 3) that gets from
+    points (S, 3) along directions (S, 3) for distances (S,). start: (P, 2) of `pixel_starts`, of refractions, which
+    meet facets of rough glass; None of reflections, which take glass for smooth. sheets: of refractions, where some
+    begin on half-transparent surfaces; what shines straight behind these is not in the light, nor are lamps that the
+    `lobe` shows. entry: (P, 3) normals of the sides at which paths have entered glass; by default, and 0, they have
+    not.
     """
     zeros = lambda channels: np.zeros((len(origin), channels), np.float32)  # noqa: E731
     ends = PathEnds(*map(zeros, (3, 3, 3, 3)), *(Lobe(*map(zeros, (3, 3, 3, 1, 1))) for _ in range(2)))
@@ -104,13 +108,19 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
     for remaining in reversed(range(SURFACES)):
         if not len(path):
             break
-        triangle, distance = cast(origin, direction)[:2]
+        triangle, distance = _met(scene, cast, origin, direction, reach)
         if sheets is not None and (rows := straight[path]).any():
             triangle[rows], distance[rows] = sheets.seen(origin[rows], direction[rows])[:2]
         if solid is not None:
             touched, gap = solid(before, direction)[:2]
             touches = (touched >= 0) & (gap < 3 * LIFT * reach)
             triangle, distance = np.where(touches, touched, triangle), np.where(touches, 0, distance)
+        is_dark = np.zeros(len(path), bool)
+        if glass is not None:
+            rows = np.flatnonzero(kind == Ray.TRANSMISSION)
+            wall, to_wall = _met_at_once(solid, glass, *(x[rows] for x in (origin, direction, distance, reach)))
+            rows, wall, to_wall = (x[wall >= 0] for x in (rows, wall, to_wall))
+            triangle[rows], distance[rows], is_dark[rows] = wall, to_wall, True
         if media is not None:
             tint = tint * media(origin, direction, np.where(triangle < 0, np.inf, distance))
         hit = (triangle >= 0) & ~is_light[token[triangle]]
@@ -120,8 +130,8 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
         if sheets is not None:
             arriving *= ~straight[path[~hit], None]
         ends.light[path[~hit]] = tint[~hit] * arriving
-        path, tint, origin, direction, entry, triangle, distance, reach = (
-            x[hit] for x in (path, tint, origin, direction, entry, triangle, distance, reach))
+        path, tint, origin, direction, entry, triangle, distance, reach, is_dark = (
+            x[hit] for x in (path, tint, origin, direction, entry, triangle, distance, reach, is_dark))
         point, reach = origin + distance[:, None] * direction, np.maximum(reach, distance)
         if scene.glow is not None:
             glow = scene.glow[token[triangle]] * emission_share(scene, triangle, point)
@@ -162,8 +172,8 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
                 ends.other.set(path[leaves], _inner_lobe(scene, cast, *(
                     x[leaves] for x in (point, normal, texel, direction, arrived, reach))))
         ends.position[path], ends.normal[path] = point, normal
-        goes_on = (bends | passes | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)) & ~is_lost
-        ends.color[path] = tint * np.where(goes_on, not remaining, matte)[:, None]
+        goes_on = (bends | passes | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)) & ~is_lost & ~is_dark
+        ends.color[path] = tint * np.where(goes_on, not remaining, matte * ~is_dark)[:, None]
         before = point - LIFT * reach[:, None] * direction
         kind = np.where(bends, np.uint8(Ray.TRANSMISSION), np.uint8(Ray.GLOSSY))
         direction = np.where(passes[:, None], direction, turned)
@@ -171,6 +181,37 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
         path, kind, tint, before, origin, direction, entry, reach = (
             x[goes_on] for x in (path, kind, tint, before, origin, direction, entry, reach))
     return ends
+
+
+def _met(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarray,
+         reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The nearest triangle (P,) and its distance (P,), past lamps that do not shine this way: rays pass these."""
+    triangle, distance = cast(origin, direction)[:2]
+    is_lamp, token = ~scene.is_seen & scene.beam_axis.any(axis=1), scene.surfaces.token
+    for _ in range(LAMPS):
+        rows = np.flatnonzero(triangle >= 0)
+        rows = rows[is_lamp[token[triangle[rows]]]]
+        lamp = token[triangle[rows]]
+        rows = rows[beam_share(-dot(scene.beam_axis[lamp], direction[rows]), scene.beam_cosine[lamp]) == 0]
+        if not len(rows):
+            break
+        start = distance[rows] + LIFT * np.maximum(reach[rows], distance[rows])
+        triangle[rows], beyond = cast(origin[rows] + start[:, None] * direction[rows], direction[rows])[:2]
+        distance[rows] = start + beyond
+    return triangle, distance
+
+
+def _met_at_once(solid: Cast, glass: Cast, origin: np.ndarray, direction: np.ndarray, distance: np.ndarray,
+                 reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The triangle (P,) of what is in one plane with glass where both are met first, -1 where nothing is; its distance.
+
+    distance: (P,), of what is met first.
+    """
+    (wall, to_wall), (pane, to_pane) = (met(origin, direction)[:2] for met in (solid, glass))
+    is_both = (wall >= 0) & (pane >= 0)
+    gap, longest = np.where(is_both, to_wall, 0) - np.where(is_both, to_pane, np.inf), np.maximum(reach, distance)
+    is_first = to_wall <= distance + AT_ONCE * longest
+    return np.where((np.abs(gap) < AT_ONCE * longest) & is_first, wall, -1), to_wall
 
 
 def _passes_sheets(clear: np.ndarray, start: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:
