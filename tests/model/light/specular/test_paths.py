@@ -228,6 +228,18 @@ def test_a_path_ends_at_what_glass_stands_on_whichever_of_both_a_ray_happens_to_
     np.testing.assert_allclose(found.color, [np.divide(RED, 1.04)], atol=1e-3)
 
 
+@pytest.mark.parametrize("gap, color", [(0.0, (0, 0, 0)), (1e-3, np.divide(RED, 1.04))])
+def test_what_lies_in_one_plane_with_glass_is_black_behind_it_as_in_cycles(gap, color):
+    glass = constant_tile((1, 1, 1), roughness=0.0, ior=1.5, transmission=1.0)
+    scene = walls((1, -1, glass), (3, 1, glass), (3 + gap, -1, constant_tile(RED)))
+    panes, wall = (replace(scene, triangles=scene.triangles.copy()) for _ in range(2))
+    panes.triangles[4:], wall.triangles[:4] = -9, -9  # behind all
+    start, ray = np.zeros((1, 3)), np.float64([(1, 0, 0)])
+    begins = along_x(scene), start, ray, np.float32((-5, 0, 0)), along_x(wall)
+    found = follow_paths(scene, *begins, start=pixel_starts(*np.zeros((2, 1))), glass=along_x(panes))
+    np.testing.assert_allclose(found.color, [color], atol=1e-3)
+
+
 def test_lamps_in_a_mirror_of_a_mirror_are_left_to_its_highlights_and_behind_glass_they_are_seen():
     mirror = constant_tile(GOLD, metallic=1.0, roughness=0.1)
     scene, origin = walls((2, -1, mirror), (-1, 1, constant_tile()), shines=True), np.zeros((1, 3))
@@ -298,6 +310,13 @@ def test_the_beam_of_a_lamp_is_seen_from_where_it_shines():
         scene = walls((2, -1, constant_tile()), shines=True)
         scene.beam_axis[:], scene.beam_cosine[:] = (-axis, 0, 0), (0.5, 0.6)
         assert ends(scene).light == pytest.approx(np.full((1, 3), float(radiance)))
+
+
+def test_a_path_passes_the_back_of_a_lamp():
+    scene = walls((3, -1, constant_tile(RED)), (2, -1, constant_tile()), shines=True)
+    scene.beam_axis[2:], scene.seen = (1, 0, 0), np.array([True, True, False, False])
+    np.testing.assert_allclose(ends(scene).color, [RED], atol=1e-3)
+    assert not ends(replace(scene, seen=None)).color.any()  # a surface that shines to one side
 
 
 def test_what_is_seen_through_a_medium_is_dimmed_by_the_length_of_every_segment():
