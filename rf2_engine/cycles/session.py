@@ -15,6 +15,7 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
+from ...model.light_passes import LOBES
 from ...model.pictures import HALF_MAX, box_sums
 from .. import compat
 from .. import passes as pass_table
@@ -35,9 +36,8 @@ ALWAYS = {
     "cycles.use_auto_tile": True,
     "cycles.tile_size": 8192,  # Cycles' largest
 }
-BESIDE = 2         # pixels from an emitter, as far as the denoiser smooths its edge
-AROUND = 5         # and as far as light is compared with
-MOST_AROUND = 3.0  # times that light, at most
+BESIDE = 2           # pixels from an emitter, as far as the denoiser smooths its edge
+MEDIA_ALBEDO = 0.01  # what media, which no colour pass shows, count as beside surfaces
 PIXELS_PER_THREAD = 65536  # of a tile: a fraction of a second for each sample
 FIRST_HITS_ONLY = {
     "cycles.device": "CPU",  # a few samples do not pay for loading GPU kernels
@@ -115,9 +115,8 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
     `hazy` says that smoke or fog leaves noise in the first hits, which the denoiser then must not take for texture.
     With Light.NONE no ray is cast towards a light and the result holds first-hit data only. With Light.TRACED it also
     holds "traced" (H, W, 3), the radiance of direct light and of what smooth mirrors and glass show, without emitters
-    seen directly, denoised where Blender can, "noise" (H, W, 3), what the denoiser took away, if the view layer wants
-    the noisy picture, and the light passes (never denoised) of passes.needed_light; where shadow catchers catch
-    always "noise", and "combined" as with Light.ALL.
+    seen directly, denoised where Blender can, then also "noise" (H, W, 3), what the denoiser took away, and the light
+    passes (never denoised) of passes.needed_light; where shadow catchers catch also "combined" as with Light.ALL.
     `groups`: passes of light groups that the result shall hold too: all light of the session, noisy, with emitters and
     world seen directly, in a transparent film as well.
     With Light.ALL the scene's own bounces are used and the result also holds "combined" (denoised by OpenImageDenoise
@@ -137,13 +136,10 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
     clean = light is Light.TRACED and compat.has_openimagedenoise()
     lobes = {Light.ALL: pass_table.LIGHTING, Light.NONE: (),
              Light.TRACED: pass_table.needed_light(view_layer, pass_table.LIGHTING)}[light]
-    layer_name, requested = view_layer.name, [*pass_table.session_passes(view_layer, lobes), *groups]
-    if (groups or model.catchers is Catchers.CATCH) and pass_table.NOISY not in requested:
-        requested.append(pass_table.NOISY)
+    layer_name, noisy = view_layer.name, pass_table.NOISY
+    requested = [p for p in pass_table.session_passes(view_layer, lobes) if p != noisy] + [noisy] * clean + [*groups]
     if model.catchers is Catchers.CATCH and pass_table.SHADOW_CATCHER.is_ticked(view_layer):
         requested.append(pass_table.SHADOW_CATCHER)
-    if not clean:
-        requested = [p for p in requested if p != pass_table.NOISY]
     if light is Light.NONE:
         sampling = sampling.fixed  # Cycles takes unlit surfaces for clean, whatever their edges are
     if sampling.is_adaptive and pass_table.SAMPLE_COUNT not in requested:
@@ -179,14 +175,17 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
         share = rendered.get(pass_table.SAMPLE_COUNT.key)
         rendered["samples"] = np.zeros_like(rendered["alpha"]) + sampling.counts(share)
         seen = ["emission", "environment"] if model.opaque_film else ["emission"]
+        if clean:
+            noisy_light = _not_seen(rendered, seen, noisy.key)
+            rendered["noise"] = rendered.pop(noisy.key)[..., :3] - combined[..., :3]
         if light is not Light.ALL and model.is_blurred and model.catchers is not Catchers.CATCH:
             _denoise_seen(rendered, seen)
         if light is Light.TRACED:
-            rendered["traced"] = _without_edges(_not_seen(rendered, seen), rendered["emission"])
+            rendered["traced"] = _not_seen(rendered, seen)
+            if clean:
+                rendered["traced"] = _beside_emitters(rendered["traced"], noisy_light, rendered)
         elif light is Light.NONE and model.is_blurred:  # there is no light, so it is what noise has left out
             rendered["emission"] = rendered["emission"] + _not_seen(rendered, seen)
-        if pass_table.NOISY.key in rendered:
-            rendered["noise"] = rendered.pop(pass_table.NOISY.key)[..., :3] - combined[..., :3]
         if light is not Light.ALL and model.catchers is not Catchers.CATCH:
             del rendered["combined"]
     return views
@@ -200,22 +199,22 @@ def _denoise_seen(rendered: Passes, seen: list[str]) -> None:
         rendered[name] = rendered[name] * share
 
 
-def _not_seen(rendered: Passes, seen: list[str]) -> np.ndarray:
+def _not_seen(rendered: Passes, seen: list[str], picture: str = "combined") -> np.ndarray:
     """(H, W, 3) of the picture, without what is seen directly."""
-    return (rendered["combined"][..., :3] - sum(rendered[name] for name in seen)).clip(0)
+    return (rendered[picture][..., :3] - sum(rendered[name] for name in seen)).clip(0)
 
 
-def _without_edges(light: np.ndarray, emission: np.ndarray) -> np.ndarray:
-    """`light` (H, W, 3) of surfaces, beside emitters not far above what it is around them.
+def _beside_emitters(light: np.ndarray, noisy: np.ndarray, rendered: Passes) -> np.ndarray:
+    """Denoised `light` (H, W, 3) of surfaces, beside emitters its median with `noisy` light and with that around.
 
-    The denoiser smooths the edges of emitters, which their pass does not have: small ones would shine twice.
+    The denoiser smooths the edges of emitters, which their pass does not have: small ones would shine twice. The light
+    beside them may be far above what is around it all the same, as in metal that they lie on.
     """
-    if not emission.any():
-        return light
-    apart = box_sums(emission.max(axis=-1, keepdims=True), BESIDE) <= 0
-    count = box_sums(apart.astype(np.float32), AROUND)
-    around = box_sums(light * apart, AROUND) / np.maximum(count, 1)
-    return np.where(apart | (count == 0), light, np.minimum(light, MOST_AROUND * around))
+    beside = box_sums(rendered["emission"].max(axis=-1, keepdims=True), BESIDE) > 0
+    albedo = MEDIA_ALBEDO + sum(rendered[f"{lobe}_color"] for lobe in LOBES)
+    around = albedo * box_sums(noisy, 1) / box_sums(albedo, 1)
+    low, high = np.minimum(light, noisy), np.maximum(light, noisy)
+    return np.where(beside, around.clip(low, high), light)
 
 
 def _tile_size(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, light: Light, threads: int) -> int:

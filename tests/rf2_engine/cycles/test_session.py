@@ -202,3 +202,27 @@ def test_a_small_bright_emitter_shines_once(scene, tmp_path):
     emission = next(pixels for name, pixels in rendered.items() if name.startswith("ViewLayer.Emi"))[..., :3]
     assert 1 < emission.sum(axis=(0, 1)).min() / 1000 < 20
     assert (rendered["ViewLayer.Combined"][..., :3] - emission).max() < 0.1 * 1000
+
+
+def test_metal_that_a_glowing_strip_lies_on_shines_as_in_cycles(scene, tmp_path):
+    """It is far brighter than all that is a few pixels away."""
+    metal, glowing = material("Metal"), material("Glowing")
+    metal.node_tree.nodes["Principled BSDF"].inputs["Metallic"].default_value = 1
+    metal.node_tree.nodes["Principled BSDF"].inputs["Roughness"].default_value = 0.3
+    glowing.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = 12
+    wall, shelf, strip = cube(scene, of=metal), cube(scene, of=metal), cube(scene, of=glowing)
+    wall.scale, wall.location = (6, 0.1, 6), (0, 0.15, 0)
+    shelf.scale, shelf.location = (6, 0.2, 0.04), (0, 0, -0.04)
+    strip.scale, strip.location = (6, 0.1, 0.03), (0, 0.05, 0)
+    scene.camera.location, scene.camera.rotation_euler = (0, -4, 0.6), (1.42, 0, 0)
+    scene.render.resolution_x, scene.render.resolution_y = 48, 48
+    scene.renderformer_v2.guide_samples = 32
+    scene.view_layers[0].use_pass_emit = True
+    reference = scene.renderformer_v2.reference
+    reference.use, reference.samples = True, 128
+    rendered = press_f12(scene, tmp_path)
+    emission = next(pixels for name, pixels in rendered.items() if name.startswith("ViewLayer.Emi"))[..., :3]
+    pictures = (rendered[f"ViewLayer.{name}"][..., :3] for name in ("Combined", "Cycles Reference"))
+    ours, cycles = ((picture - emission).sum() for picture in pictures)
+    assert cycles > 0.1 * emission.sum()
+    assert ours == pytest.approx(cycles, rel=0.15)
