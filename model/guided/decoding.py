@@ -23,8 +23,9 @@ from .kernels import LATENT
 # what kernels are told. The transformer says the rest: factors of light without rays, and trust in estimates.
 OF_PIXELS = Channels(1, share=1, direct=9, indirect=9, missing=9, rest=3, visible=STRONGEST + 1, latent=LATENT)
 OUTPUTS = OF_PIXELS.joined(**SAID.sizes(), trust=1)
-LARGEST_FACTOR = 4.0  # and its inverse is the smallest
-DARK = -3.0           # offset at which softplus adds little
+LARGEST_FACTOR = 4.0    # and its inverse is the smallest
+LARGEST_BY_RAYS = 1.05  # likewise, of direct light; more gains nothing on held-out scenes, and dims lonely spot beams
+DARK = -3.0             # offset at which softplus adds little
 
 
 def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
@@ -33,9 +34,9 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     Exposed as the view's light is. Zeros leave the light exactly as it is. Where light was traced, there are two
     estimates of it that are right in different places, and the share of either is all that the network decides:
     factors that were learnt from few scenes are wrong in others. For the same reason the transformer's, and those of
-    indirect light, are of light without rays only; by rays pixels change direct light, and the transformer says how far
-    the estimate is to be trusted without that. Where the user lets no light bounce, which training never did, or lamps
-    shine otherwise than estimates know, traced light is believed and nothing is added.
+    indirect light, are of light without rays only; by rays pixels change direct light a little, and the transformer
+    says how far the estimate is to be trusted without that. Where the user lets no light bounce, which training never
+    did, or lamps shine otherwise than estimates know, traced light is believed and nothing is added.
     """
     light, raw = view.light, raw.float()
     untraced = 1 - light.is_traced.view(-1, 1, 1, 1)
@@ -45,7 +46,7 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     direct = _but_of_glass(_by_lobe(raw[:, OUTPUTS["direct"]], light), light)
     indirect, missing = ((without_rays * raw[:, OUTPUTS[name]]).unflatten(1, (3, 3))
                          for name in ("indirect", "missing"))
-    direct = factor(direct) if is_inference() and light.is_by_rays() else with_shadows(direct, raw, view)
+    direct = factor_by_rays(direct) if is_inference() and light.is_by_rays() else with_shadows(direct, raw, view)
     indirect = factor(indirect)
     missing = added(missing) * view.is_known[:, None]
     of_all = (raw[:, OUTPUTS["log_factor"]] * without_rays).exp()
@@ -74,6 +75,11 @@ def factor(raw: Tensor) -> Tensor:
     return torch.exp(math.log(LARGEST_FACTOR) * torch.tanh(raw))
 
 
+def factor_by_rays(raw: Tensor) -> Tensor:
+    """The same from 1 / LARGEST_BY_RAYS to LARGEST_BY_RAYS."""
+    return factor(raw).clamp(1 / LARGEST_BY_RAYS, LARGEST_BY_RAYS)
+
+
 def with_shadows(direct: Tensor, raw: Tensor, view: GuidedView) -> Tensor:
     """(V, 3, 3, H, W) factors of direct light; where it is unshadowed, of the diffuse lobe also the visibility of
     emitters."""
@@ -81,7 +87,7 @@ def with_shadows(direct: Tensor, raw: Tensor, view: GuidedView) -> Tensor:
     change = visibility(raw[:, OUTPUTS["visible"], None]) - 1
     diffuse = (share * change[:, :STRONGEST]).sum(1) + (1 - share.sum(1)) * change[:, STRONGEST]
     unshadowed = visibility(direct) * torch.cat([1 + diffuse[:, None], torch.ones_like(direct[:, 1:])], 1)
-    return torch.where(view.light.has_rays.view(-1, 1, 1, 1, 1) > 0, factor(direct), unshadowed)
+    return torch.where(view.light.has_rays.view(-1, 1, 1, 1, 1) > 0, factor_by_rays(direct), unshadowed)
 
 
 def visibility(raw: Tensor) -> Tensor:
