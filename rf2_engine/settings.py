@@ -337,16 +337,15 @@ def threads(scene: bpy.types.Scene) -> int:
 
 
 def light_passes(scene: bpy.types.Scene) -> frozenset[str]:
-    """Keys of the passes OF_LIGHT that the chosen weights can give; some there are only where light is traced."""
+    """Keys of the passes OF_LIGHT that the chosen weights can give; shadow catchers need traced light."""
     try:
         network = _network(scene.renderformer_v2.weights())
     except CheckpointError:
         return frozenset()  # published weights that are not complete, or none at all
     if not network.has_lobes:
         return frozenset()
-    if scene.renderformer_v2.light == "TRACED":
-        return passes.LIGHTING | {passes.SHADOW_CATCHER.key}
-    return passes.LIGHTING - {"volume_direct"}
+    is_traced = scene.renderformer_v2.light == "TRACED"
+    return passes.LIGHTING | {passes.SHADOW_CATCHER.key} if is_traced else passes.LIGHTING
 
 
 def is_published(settings: RenderFormerSettings) -> bool:

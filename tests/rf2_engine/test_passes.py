@@ -29,7 +29,7 @@ def test_first_hits_are_those_of_a_cycles_render(still_life, tmp_path, light):
     ours = press_f12(still_life, tmp_path)
     cycles = with_cycles(still_life, tmp_path)
     assert {"ViewLayer.CryptoObject00", "ViewLayer.CryptoMaterial00", "ViewLayer.CryptoAsset00", "ViewLayer.Tint",
-            "ViewLayer.Wear", "ViewLayer.Vector"} <= set(cycles) == set(ours)
+            "ViewLayer.Wear", "ViewLayer.Vector"} <= set(cycles) == set(ours) - {"ViewLayer.Noisy Image"}
     for name in set(cycles) - {"ViewLayer.Combined"}:
         assert np.ptp(cycles[name]) > 0 or name.endswith(("01", "02", "Specular Albedo")), f"{name} says nothing"
         if passes.pass_key(name.removeprefix("ViewLayer.")) in ("emission", "environment"):
@@ -141,8 +141,7 @@ def test_light_that_the_weights_cannot_give_is_absent(scene, tmp_path, monkeypat
     assert light <= sockets(scene) and "use_pass_diffuse_direct" in settings_in_panel(scene)
 
     scene.renderformer_v2.light = "NETWORK"
-    assert light - sockets(scene) == {p.blender_name for p in passes.PASSES if p.key == "volume_direct"}
-    assert "cycles.use_pass_volume_direct" not in settings_in_panel(scene)
+    assert light <= sockets(scene) and not passes.absent(scene, scene.view_layers[0], light_passes(scene))
 
     write_bundle(tmp_path / "renderformer-v2", tiny_published_config(), TRANSFORMERS)
     monkeypatch.setenv(packages.WEIGHTS_VARIABLE, str(tmp_path))
