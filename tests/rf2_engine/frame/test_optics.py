@@ -191,7 +191,7 @@ def test_passes_are_those_of_cycles_and_light_passes_make_the_picture(still_life
     ours = press_f12(still_life, tmp_path)
     cycles = with_cycles(still_life, tmp_path, still_life.renderformer_v2.guide_samples)
     computed = {f"ViewLayer.{p.blender_name}" for p in passes.PASSES if p.source in ("network", "lighting")}
-    assert set(ours) == set(cycles)
+    assert set(ours) - {"ViewLayer.Noisy Image"} == set(cycles)
     denoised = {f"ViewLayer.{p.blender_name}" for p in passes.PASSES if p.key in ("emission", "environment")}
     for name in set(cycles) - computed - denoised:
         same = np.isclose(ours[name], cycles[name], rtol=1e-4, atol=1e-5).all(-1)
