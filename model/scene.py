@@ -176,6 +176,20 @@ class Guides:
     inner_normal: np.ndarray | None = None
     inner_color: np.ndarray | None = None
     inner_roughness: np.ndarray | None = None
+    # The same of the first metal that paths meet, unless that is one of the above, and else of the dielectric layer on
+    # what they end at: f0 is 1 of metal. And unit vectors (f16) to where it is seen from
+    reflected_gloss_position: np.ndarray | None = None
+    reflected_gloss_normal: np.ndarray | None = None
+    reflected_gloss_color: np.ndarray | None = None
+    reflected_gloss_roughness: np.ndarray | None = None
+    reflected_gloss_f0: np.ndarray | None = None
+    reflected_gloss_viewer: np.ndarray | None = None
+    refracted_gloss_position: np.ndarray | None = None
+    refracted_gloss_normal: np.ndarray | None = None
+    refracted_gloss_color: np.ndarray | None = None
+    refracted_gloss_roughness: np.ndarray | None = None
+    refracted_gloss_f0: np.ndarray | None = None
+    refracted_gloss_viewer: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         h, w = self.depth.shape

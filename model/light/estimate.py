@@ -34,6 +34,7 @@ from .specular.pixels import path_end_light, reflected_light, refracted_light
 from .surface_light import SurfaceLight
 from .vectors import dot
 
+GLOSS_RAYS = 0.25      # share of the rays of a glossy lobe, of what mirrors and glass show
 BEYOND = 4.0           # network units from a camera that sees nothing: no medium is farther off
 BANDS = 0.95           # of the work, before edges
 BAND_PIXELS = 1 << 16  # estimated at a time by each thread: tensors of a large picture are gigabytes
@@ -99,10 +100,15 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     with part(0.3, 0.4):
         mirrored = path_ends("reflected", guides)
 
+    def gather(seen: HitSurfaces) -> GlossyPixels:
+        few = replace(effort, probe_rays=GLOSS_RAYS * effort.probe_rays)
+        return glossy_bounces(radiosity, make_probes(seen.position, seen.normal, seen.is_covered), seen, filters, few,
+                              is_traced, with_direct)
+
     def glossy_light(surfaces: HitSurfaces) -> GlossyPixels:
         mirrors = replace(surfaces, roughness=roughness_within(surfaces))
         gloss = glossy_bounces(radiosity, probes, mirrors, filters, effort, is_traced, with_direct)
-        images, has_end = reflected_light(guides, mirrors, direct, mirrored, gloss.highlights)
+        images, has_end = reflected_light(guides, mirrors, direct, gather, mirrored, gloss.highlights)
         return gloss.with_images(images, (1 - blur(mirrors.roughness)[..., None]) * has_end)
 
     with part(0.4, 0.5):
@@ -121,7 +127,7 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
                                     for kind in ("all", "bounced" if is_traced else "all"))
         behind = light_behind(outgoing, probes, rise, filters, passes)
     with part(0.6, 0.7):
-        refracted = refracted_light(guides, surfaces, direct, path_ends, with_direct)
+        refracted = refracted_light(guides, surfaces, direct, gather, path_ends, with_direct)
     dark = torch.zeros_like(bounced)
     common = _materials(surfaces) | {"is_traced": dark.new_full((1,), float(is_traced)), "has_rays": dark.new_ones(1)}
 

@@ -19,9 +19,10 @@ from ..direct.direct_light import DirectLight
 from ..direct.environment_light import LIFT
 from ..sampling import hashed_starts
 from ..specular.glass import PURE
-from ..specular.paths import SMOOTH
 from ..tensor_rays import TensorHits, TensorRays
 from ..vectors import dot
+
+SMOOTH = 0.5  # roughness up to which metal is polished
 
 
 class Mirrored(NamedTuple):

@@ -77,7 +77,7 @@ class DirectLight:
             self.cutouts = Cutouts.of(scene, Ray.SHADOW, device)
         self.emitters = EmitterLight(scene, self.fog, device, self.cutouts)
         self.device = self.emitters.radiance.device
-        self._scene, self._curved = scene, Once()
+        self._scene, self._curved, self._past_glass = scene, Once(), Once()
         with part(0.5, 1.0):
             self.sky = None
             if self.environment is not None:
@@ -93,6 +93,17 @@ class DirectLight:
     def curved(self) -> CurvedFaces | None:
         """The faces that stand for curved surfaces, searched for when they are first asked for; None without any."""
         return self._curved.get(lambda: (CurvedFaces.of(self._scene, self.device),))[0]
+
+    @property
+    def past_glass(self) -> DirectLight:
+        """The same, of emitters that glass does not stop, as gloss that is seen through it shows them."""
+        return self._past_glass.get(self._find_past_glass)
+
+    def _find_past_glass(self) -> DirectLight:
+        light = copy.copy(self)
+        light.emitters = self.emitters.past_glass(
+            self._scene, Cutouts.of(self._scene, Ray.SHADOW, self.device, with_glass=True))
+        return light
 
     def reaching(self, group: int | None = None,
                  bounces: Callable[[np.ndarray], np.ndarray] | None = None) -> DirectLight:

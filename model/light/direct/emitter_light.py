@@ -20,7 +20,7 @@ from torch.nn import functional as F
 from ...fields import COLOR, DIRECTION, Channels
 from ...scene import RenderScene
 from ...scene_rays import scene_rays
-from ...surface_kinds import OCCLUDING, SHADING, Kind, Ray
+from ...surface_kinds import BENDING, OCCLUDING, SHADING, Kind, Ray
 from ..cutouts import Cutouts
 from ..fresnel import gain
 from ..media.transmittance import Fog
@@ -109,6 +109,13 @@ class EmitterLight:
             self._shining = TensorRays(scene_rays(scene).among(Kind.EMITTER, Ray.SHADOW))
         self._occluders, self._occluder = _occluders(scene, self._limits, device)
         self._divide()
+
+    def past_glass(self, scene: RenderScene, cutouts: Cutouts | None) -> EmitterLight:
+        """The light that glass does not stop, but dims as all `cutouts` do."""
+        light = copy.copy(self)
+        light._cutouts = cutouts
+        light._occluders, light._occluder = _occluders(scene, self._limits, self.radiance.device, BENDING)
+        return light
 
     def _divide(self) -> None:
         """The radiance (E, 3) that goes to lobes, into the air, and through glass."""
@@ -495,14 +502,15 @@ class EmitterLight:
         return direction, sine2.clamp(0, MOST_SINE2), in_beam
 
 
-def _occluders(scene: RenderScene, limits: Limits, device: torch.device | str) -> tuple[list[TensorRays], Tensor]:
+def _occluders(scene: RenderScene, limits: Limits, device: torch.device | str,
+               passed: int = 0) -> tuple[list[TensorRays], Tensor]:
     """What stops the light of emitters (E,) of some limits, and which of it is that of each, (E,) i64.
 
-    Surfaces that shine stop that of lamps alone: no emitter shades itself.
+    Surfaces that shine stop that of lamps alone: no emitter shades itself. passed: what stops none.
     """
     kinds, occluder = np.unique(np.stack([limits.blockers, limits.is_lamp], 1), axis=0, return_inverse=True)
     rays = scene_rays(scene)
-    return [TensorRays(rays.among(SHADING if is_lamp else OCCLUDING, Ray.SHADOW, int(groups)))
+    return [TensorRays(rays.among((SHADING if is_lamp else OCCLUDING) & ~passed, Ray.SHADOW, int(groups)))
             for groups, is_lamp in kinds], torch.as_tensor(occluder.reshape(-1), device=device)
 
 

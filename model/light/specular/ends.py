@@ -27,6 +27,7 @@ from .paths import BLURRED, LIFT, Lobe, Media, PathEnds, Sheets, follow_paths
 PATHS = 1 << 18  # of a lobe, at most
 CHUNK = 1 << 14  # paths that are followed at a time
 MET = ALL & ~Kind.BACK  # by paths
+KEPT = {field.name for field in dataclass_fields(Guides)}
 FULL = "position", "light"  # fields in full floats, others in half ones
 
 
@@ -111,10 +112,11 @@ def _values(ends: list[PathEnds], lobe: PathLobe) -> dict[str, np.ndarray]:
     if lobe.ray == Ray.GLOSSY:
         values["reflected_light"] *= values["reflected_normal"].any(1, keepdims=True)  # the rest is direct light
     for name, lobes in ((lobe.first_lobe, [chunk.lobe for chunk in ends]),
-                        (lobe.other_lobe, [chunk.other for chunk in ends])):
+                        (lobe.other_lobe, [chunk.other for chunk in ends]),
+                        (f"{lobe.name}_gloss", [chunk.gloss for chunk in ends])):
         if any(chunk.color.any() for chunk in lobes):
             values |= {f"{name}_{kind.name}": np.concatenate([getattr(chunk, kind.name) for chunk in lobes])
-                       for kind in dataclass_fields(Lobe) if kind.name != "f0" or name == "layer"}
+                       for kind in dataclass_fields(Lobe) if f"{name}_{kind.name}" in KEPT}
     return values
 
 

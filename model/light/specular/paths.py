@@ -23,7 +23,6 @@ from .facets import LEAST_ROUGHNESS, exit_lobe, rough_facets
 from .glass import PURE, TURBID, Cast, is_glass, lost, passed_plates, tint_of_surface
 
 SURFACES = 6       # a path passes at most
-SMOOTH = 0.5       # roughness up to which a metal is a mirror
 LIFT = 1e-4        # of the longest segment so far, that a ray starts off its surface
 SHARP, BLURRED = 0.15, 0.35  # roughness up to which a reflection is an image, and from which it is a mean over the lobe
 AT_ONCE = 3e-6     # of the longest segment, within which glass and what it stands on are met at once
@@ -35,7 +34,7 @@ Media = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass
 class PathEnds:
-    """Where P specular paths end: at matte surfaces, lamps, or the sky."""
+    """Where P specular paths end: at matte or rough surfaces, lamps, or the sky."""
 
     position: np.ndarray  # (P, 3) f32, world
     normal: np.ndarray    # (P, 3) f32, unit, facing the path
@@ -43,22 +42,24 @@ class PathEnds:
     light: np.ndarray     # (P, 3) f32, radiance of the lamp or the sky there times the tint of the path
     lobe: Lobe            # of what the paths meet first, if that is metal, or rough glass that they leave
     other: Lobe           # of the layer on what reflections meet first; of what leaves glass after one more reflection
+    gloss: Lobe           # of the first metal that is met later than that, and else of the layer on what paths end at
 
     def scale(self, factor: np.ndarray) -> None:
         """All that paths show becomes so many times (P, 1 or 3) as bright."""
-        for color in (self.color, self.light, self.lobe.color, self.other.color):
+        for color in (self.color, self.light, self.lobe.color, self.other.color, self.gloss.color):
             color *= factor
 
 
 @dataclass
 class Lobe:
-    """P points whose lobe shows lamps."""
+    """P points whose lobe shows lamps, and, but for polished metal and where glass is left, all that is around."""
 
     position: np.ndarray   # (P, 3) f32, world
     normal: np.ndarray     # (P, 3) f32, unit, of metal, facing the path; where glass is left, axis of the lobe
     color: np.ndarray      # (P, 3) f32; 0 = none
     roughness: np.ndarray  # (P, 1) f32
     f0: np.ndarray | float = 1.0  # (P, 1) f32, at normal incidence, of what it reflects at grazing angles
+    viewer: np.ndarray | float = 0.0  # (P, 3) f32, unit, from where it is seen; 0 where that is the first hit
 
     def set(self, rows: np.ndarray, lobe: Lobe) -> None:
         for own, other in zip(vars(self).values(), vars(lobe).values(), strict=True):
@@ -96,7 +97,7 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
     not.
     """
     zeros = lambda channels: np.zeros((len(origin), channels), np.float32)  # noqa: E731
-    ends = PathEnds(*map(zeros, (3, 3, 3, 3)), *(Lobe(*map(zeros, (3, 3, 3, 1, 1))) for _ in range(2)))
+    ends = PathEnds(*map(zeros, (3, 3, 3, 3)), *(Lobe(*map(zeros, (3, 3, 3, 1, 1, 3))) for _ in range(3)))
     shows_lamps = np.ones(len(origin), bool)
     straight = None if sheets is None else sheets.straight.copy()
     path, tint = np.arange(len(origin)), np.ones((len(origin), 3), np.float32)
@@ -142,8 +143,8 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
         leaves = bends & inside
         arrived = tint
         tint = tint * np.where(bends[:, None], tint_of_surface(texel, inside), base)
-        matte = np.where(metallic > PURE, 1, (1 - metallic) * (1 - transmission))  # a rough metal counts as matte
-        passes = np.zeros(len(path), bool)
+        matte, mirrors = (1 - metallic) * (1 - transmission), metallic > PURE
+        passes = on_sheet = np.zeros(len(path), bool)
         if sheets is not None:
             clear = sheets.clear[scene.tile_index[token[triangle]]]
             passes, on_sheet = _passes_sheets(clear, start[path], SURFACES - remaining)
@@ -172,7 +173,13 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
                 ends.other.set(path[leaves], _inner_lobe(scene, cast, *(
                     x[leaves] for x in (point, normal, texel, direction, arrived, reach))))
         ends.position[path], ends.normal[path] = point, normal
-        goes_on = (bends | passes | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)) & ~is_lost & ~is_dark
+        goes_on = (bends | passes | mirrors & (texel[:, ROUGHNESS] < BLURRED)) & ~is_lost & ~is_dark
+        if start is not None or remaining < SURFACES - 1:
+            has_gloss = ends.gloss.color[path].any(1)
+            rows = (mirrors | ~goes_on) & ~bends & ~on_sheet & ~has_gloss & ~is_dark
+            ends.gloss.set(path[rows], _gloss_lobe(*(x[rows] for x in (point, normal, texel, direction, arrived))))
+            shows_lamps[path[rows & mirrors]] = False
+            matte = np.where(has_gloss & mirrors, 1, matte)  # one lobe of a path is enough
         ends.color[path] = tint * np.where(goes_on, not remaining, matte * ~is_dark)[:, None]
         before = point - LIFT * reach[:, None] * direction
         kind = np.where(bends, np.uint8(Ray.TRANSMISSION), np.uint8(Ray.GLOSSY))
@@ -240,6 +247,16 @@ def _layer_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray) -> Lob
     f0 = layer_reflectance(texel[:, IOR, None], texel[:, TRANSMISSION, None])
     color = np.repeat((1 - texel[:, METALLIC, None]) * (f0 > LEAST_LAYER), 3, axis=1)
     return Lobe(point, normal, color, texel[:, ROUGHNESS, None].clip(LEAST_BLUR), f0)
+
+
+def _gloss_lobe(point: np.ndarray, normal: np.ndarray, texel: np.ndarray, direction: np.ndarray,
+                tint: np.ndarray) -> Lobe:
+    """That of metal, and else of the layer, for paths of a tint (P, 3) along unit directions (P, 3)."""
+    metal, layer = (make(point, normal, texel) for make in (_metal_lobe, _layer_lobe))
+    mirrors = metal.color.any(1, keepdims=True)
+    color, roughness, f0 = (np.where(mirrors, *kinds) for kinds in (
+        (metal.color, layer.color), (metal.roughness, layer.roughness), (1, layer.f0)))
+    return Lobe(point, normal, tint * color, roughness, f0, -direction)
 
 
 def _inner_lobe(scene: RenderScene, cast: Cast, point: np.ndarray, normal: np.ndarray, texel: np.ndarray,

@@ -2,14 +2,20 @@
 """The light of the surfaces that mirrors and glass show, at pixels."""
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from ...scene import Guides
-from ..direct.direct_light import DirectLight
+from ...surface_kinds import Ray
+from ..bounce.pixels import GlossyPixels
+from ..bounce.polished import SMOOTH
+from ..chunks import in_chunks
+from ..direct.direct_light import CHUNK, DirectLight
 from ..fresnel import lobe_albedo
 from ..hit_surfaces import HitSurfaces, tensors_on
 from ..probes import Filter, Probes
@@ -17,15 +23,20 @@ from ..sampling import r2_starts
 from ..vectors import dot, unit
 from .frosted import frosted
 from .glossy_image import blurred_image
+from .paths import BLURRED
 
 LEAST_SHARE = 1e-3  # of a lobe, that meets surfaces, from which on their image is all that it shows
 RAYS = 4           # to each emitter from a mirrored point
 FINE = 0.03, 0.08  # roughness up to which one path finds the highlights in a mirror, and from which rays of the lobe do
+MIRRORED = "mirrored", "layer", "reflected_gloss"
+LEAVING, BEHIND = ("exit", "inner"), "refracted_gloss"
+LOBES = *MIRRORED, *LEAVING, BEHIND  # of what paths meet, as of Guides
+Gather = Callable[[HitSurfaces], GlossyPixels]  # what white glossy lobes of surfaces show
 PathEndLight = Callable[[str, Guides], tuple[dict[str, Tensor], Tensor]]  # `path_end_light`, of a lobe
 
 
-def reflected_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, ends: tuple[dict[str, Tensor], Tensor],
-                    highlights: Tensor) -> tuple[dict[str, Tensor], Tensor]:
+def reflected_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, gather: Gather,
+                    ends: tuple[dict[str, Tensor], Tensor], highlights: Tensor) -> tuple[dict[str, Tensor], Tensor]:
     """What mirrors show, (h, W, 3) "bounced" or "complete", and (h, W, 1) bool where they show surfaces.
 
     ends: light at the ends of reflected paths, as `path_end_light` gives it. highlights: (h, W, 3) radiance of lamps in
@@ -41,21 +52,33 @@ def reflected_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, 
     *images, share = blurred_image(image, to_tensor(guides.reflected_position), has_end, surfaces).split(
         [3] * len(light) + [1], -1)
     light = dict(zip(light, images, strict=True))
+    for lobe in MIRRORED:
+        add_gloss(light, guides, surfaces, direct, gather, lobe)
     if has_light:
         mean = ((surfaces.roughness[..., None] - FINE[0]) / (FINE[1] - FINE[0])).clamp(0, 1)
-        light["complete"] = (light["complete"]
-                             + torch.lerp(mirrored_highlights(guides, surfaces, direct, "mirrored"), highlights, mean)
-                             + mirrored_highlights(guides, surfaces, direct, "layer"))
+        if guides.mirrored_roughness is not None:
+            mean = mean * (to_tensor(guides.mirrored_roughness) < SMOOTH)
+        of_metal, *others = (mirrored_highlights(guides, surfaces, direct, lobe) for lobe in MIRRORED)
+        light["complete"] = light["complete"] + torch.lerp(of_metal, highlights, mean) + sum(others)
     return light, share > LEAST_SHARE
 
 
-def refracted_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, path_ends: PathEndLight,
-                    with_direct: bool) -> dict[str, Tensor]:
+def refracted_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, gather: Gather,
+                    path_ends: PathEndLight, with_direct: bool) -> dict[str, Tensor]:
     """What glass shows, (h, W, 3) from surfaces, "bounced" or "complete", and `with_direct` from lamps and the sky,
     "direct"; blurred where it is rough. Empty where no paths were followed."""
     light, _ = path_ends("refracted", guides)
+    add_gloss(light, guides, surfaces, direct, gather, BEHIND)
     if with_direct and guides.refracted_light is not None:
-        light["direct"] = tensors_on(direct.device)(guides.refracted_light) + exit_highlights(guides, direct)
+        light["direct"] = tensors_on(direct.device)(guides.refracted_light) + sum(
+            mirrored_highlights(guides, surfaces, direct, lobe) for lobe in LEAVING)
+        if guides.refracted_gloss_roughness is not None:
+            blocked, passing = (mirrored_highlights(guides, surfaces, lamps, BEHIND)
+                                for lamps in (direct, direct.past_glass))
+            roughness = tensors_on(direct.device)(guides.refracted_gloss_roughness)
+            # Cycles blurs glass (Filter Glossy 1) behind lobes whose density, here that in the middle, is below 1.
+            density = 1 / (4 * math.pi * roughness.clamp_min(0.1) ** 4)
+            light["direct"] += torch.lerp(blocked, passing, density.clamp(max=1).square())
     if not light:
         return light
     blurred = frosted(torch.cat(list(light.values()), -1), surfaces)  # all at once, which have the same weights
@@ -82,39 +105,65 @@ def path_end_light(make_probes: Callable[..., Probes], outgoing: Callable[..., d
 
 
 def mirrored_highlights(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, lobe: str) -> Tensor:
-    """(h, W, 3) radiance of the lamps that are mirrored by what reflections meet first, its metal ("mirrored") or its
-    dielectric "layer".
-
-    The lobe of that is as much wider as the surface's own is.
-    """
-    def widened(at: tuple[Tensor, Tensor], x: Tensor, n: Tensor, roughness: Tensor) -> tuple[Tensor, Tensor]:
-        return unit(surfaces.position[at] - x), (roughness ** 4 + surfaces.roughness[at] ** 4) ** 0.25
-
-    return _highlights(guides, lobe, direct, widened)
-
-
-def exit_highlights(guides: Guides, direct: DirectLight) -> Tensor:
-    """(h, W, 3) radiance of the lamps that are seen through the rough glass that refractions leave first, and of those
-    that all glass mirrors inside."""
-    return sum(_highlights(guides, lobe, direct, lambda at, x, n, roughness: (n, roughness))
-               for lobe in ("exit", "inner"))
-
-
-def _highlights(guides: Guides, lobe: str, direct: DirectLight,
-                gloss_at: Callable[..., tuple[Tensor, Tensor]]) -> Tensor:
-    """gloss_at(pixels, position, normal, roughness): (P, 3) unit vectors to the viewer, and roughness (P,)."""
-    to_tensor = tensors_on(direct.device)
-    highlights = torch.zeros(*guides.alpha.shape, 3, device=direct.device)
-    if getattr(guides, f"{lobe}_color") is None or not len(direct.emitters):
+    """(h, W, 3) radiance of the lamps that are mirrored by what paths meet: a lobe of LOBES."""
+    of_lobe = _lobe_surfaces(guides, surfaces, lobe)
+    highlights = torch.zeros_like(surfaces.position)
+    if of_lobe is None or not len(direct.emitters):
         return highlights
-    position, normal, color, roughness = (
-        to_tensor(getattr(guides, f"{lobe}_{kind}")) for kind in ("position", "normal", "color", "roughness"))
-    at = (color.amax(-1) > 0).nonzero().unbind(1)
-    x, n = position[at], unit(normal[at])
-    viewer, width = gloss_at(at, x, n, roughness[at][:, 0])
-    f0, share = torch.ones_like(width), color[at]
-    if lobe == "layer":
-        f0 = to_tensor(guides.layer_f0)[at][:, 0]
-        share = share * lobe_albedo(f0, dot(n, viewer), width)[:, None]
-    start = r2_starts(torch.arange(RAYS * len(x), device=x.device)).view(-1, RAYS, 2)
-    return highlights.index_put(at, direct.highlights(x, n, start, viewer, width, f0) * share)
+    seen, share = of_lobe
+    at = seen.is_covered[..., 0].nonzero().unbind(1)
+    start = r2_starts(torch.arange(RAYS * len(at[0]), device=direct.device)).view(-1, RAYS, 2)
+    return highlights.index_put(at, share[at] * direct.highlights(
+        seen.position[at], seen.normal[at], start, -seen.rays[at], seen.roughness[at], seen.f0[at]))
+
+
+def add_gloss(light: dict[str, Tensor], guides: Guides, surfaces: HitSurfaces, direct: DirectLight,
+              gather: Gather, lobe: str) -> None:
+    """Add to (h, W, 3) "bounced" or "complete", in place, what one of LOBES mirrors but lamps: surfaces and the sky.
+
+    Polished metal does not, at which paths go on.
+    """
+    of_lobe = _lobe_surfaces(guides, surfaces, lobe)
+    if of_lobe is None:
+        return
+    seen, share = of_lobe
+    is_polished = (seen.f0 == 1) & (tensors_on(direct.device)(getattr(guides, f"{lobe}_roughness"))[..., 0] < BLURRED)
+    seen = replace(seen, coverage=seen.coverage * ~is_polished[..., None])
+    at = seen.is_covered[..., 0].nonzero().unbind(1)
+    if not len(at[0]):
+        return
+    gloss, environment = gather(seen), direct.sky_seen_by(Ray.GLOSSY)
+    if "complete" in light and environment is not None:
+        sky = in_chunks(CHUNK, environment.reflected, seen.normal[at], -seen.rays[at], seen.roughness[at], seen.f0[at])
+        light["complete"] = light["complete"].index_put(at, share[at] * gloss.sky[at] * sky, accumulate=True)
+    for kind in light:
+        if (radiance := getattr(gloss, kind)) is not None:
+            light[kind] = light[kind] + share * radiance
+
+
+def _lobe_surfaces(guides: Guides, surfaces: HitSurfaces, lobe: str) -> tuple[HitSurfaces, Tensor] | None:
+    """What has one of LOBES where paths that leave `surfaces` meet it, as if it were seen itself, and (h, W, 3) the
+    share of the light of the lobe that is seen; None where there is none.
+
+    Where it is mirrored, the lobe is as much wider as the surface's own is.
+    """
+    position, normal, color, roughness, f0, viewer = (
+        getattr(guides, f"{lobe}_{kind}", None) for kind in ("position", "normal", "color", "roughness", "f0",
+                                                             "viewer"))
+    if color is None:
+        return None
+    to_tensor = tensors_on(surfaces.position.device)
+    position, n, color, roughness = to_tensor(position), unit(to_tensor(normal)), to_tensor(color), to_tensor(
+        roughness)[..., 0]
+    if lobe in MIRRORED:
+        roughness = (roughness ** 4 + surfaces.roughness ** 4) ** 0.25
+    viewer = to_tensor(viewer) if viewer is not None else surfaces.position - position if lobe in MIRRORED else n
+    viewer = unit(viewer)
+    if f0 is None:
+        f0 = torch.ones_like(roughness)
+    else:
+        f0 = to_tensor(f0)[..., 0]
+        albedo = lobe_albedo(f0.flatten(), dot(n, viewer).flatten(), roughness.flatten()).view_as(f0)
+        color = color * torch.where(f0 < 1, albedo, 1)[..., None]
+    return replace(surfaces, position=position, normal=n, rays=-viewer, roughness=roughness, f0=f0,
+                   coverage=(color.amax(-1, keepdim=True) > 0).float(), diffuse_ratio=torch.zeros_like(f0)), color

@@ -11,7 +11,7 @@ from renderformer_v2.model.light import estimate
 from renderformer_v2.model.light.effort import FULL
 from renderformer_v2.model.light.estimate import estimate_light
 from renderformer_v2.model.light.surface_light import SurfaceLight
-from renderformer_v2.model.scene import ROUGHNESS
+from renderformer_v2.model.scene import ENVIRONMENT_SHAPE, ROUGHNESS
 from tests.model.samples import floor_scene, floor_view, scene_light, walls, with_black_lamps
 
 
@@ -96,6 +96,34 @@ def test_a_mirror_shows_the_highlight_of_what_it_shows(lobe):
     dark, lit = (estimate_light(light, view, replace(guides, **{f"{lobe}_normal": normal}, **metal)).reflected
                  for normal in (-up, up))
     assert dark.max() == 0 < lit.max()
+
+
+@pytest.mark.parametrize(("path", "lobe", "roughness"), [
+    ("reflected", "layer", 0.1), ("reflected", "mirrored", 0.6), ("reflected", "reflected_gloss", 0.6),
+    ("refracted", "refracted_gloss", 0.6), ("reflected", "mirrored", 0.1)])
+def test_mirrors_and_glass_show_the_sky_in_gloss_at_which_paths_end(path, lobe, roughness):
+    """As if what the camera sees were a mirror, or glass; at polished metal paths go on to the sky."""
+    scene, (view, guides) = floor_scene(), floor_view()
+    scene = replace(scene, environment=np.ones(ENVIRONMENT_SHAPE, np.float32), emission=np.zeros_like(scene.emission))
+    scene.tiles[:, ROUGHNESS] = 0.02
+    shape = guides.position.shape
+    up, none = np.broadcast_to(np.float16((0, 0, 1)), shape), np.zeros(shape, np.float16)
+    f0 = 0.04 if lobe == "layer" else 1.0
+    values = {"position": np.broadcast_to(np.float32((0, 0, 0.5)), shape), "normal": up,
+              "roughness": np.full((*shape[:2], 1), roughness, np.float16), "color": np.ones(shape, np.float16)}
+    if lobe != "mirrored":
+        values["f0"] = np.full((*shape[:2], 1), f0, np.float16)
+    if lobe.endswith("gloss"):
+        values["viewer"] = up
+    paths = {f"{path}_position": guides.position, f"{path}_normal": up, f"{path}_color": none,
+             f"{path}_light": np.zeros(shape, np.float32)}
+    if path == "refracted":
+        guides.transmission_color = guides.diffuse_color
+    found = estimate_light(scene_light(scene), view, replace(
+        guides, **paths, **{f"{lobe}_{kind}": value for kind, value in values.items()}))
+    shown = getattr(found, path)[0][:, 32, 32].numpy()
+    expected = 0.0 if (lobe, roughness) == ("mirrored", 0.1) else f0
+    assert shown == pytest.approx(expected, rel=0.5 if lobe == "layer" else 0.05, abs=1e-6)
 
 
 @pytest.mark.parametrize("lobe", ["exit", "inner"])

@@ -8,6 +8,7 @@ from bl_ext.user_default.renderformer_v2.model.light.specular import ends
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_hits
 
 from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12, sun
+from tests.rf2_engine.rooms import assert_alike, beside_cycles
 
 RED = (0.8, 0.05, 0.05)
 WALL = [(-3, 2, -3), (3, 2, -3), (3, 2, 3), (-3, 2, 3)]
@@ -79,3 +80,18 @@ def test_a_simplified_ball_of_glass_shows_what_the_fine_one_shows(scene, tmp_pat
     red = [color[..., 0] > 3 * color[..., 1] for color in (fine, coarse)]
     assert 20 < red[0].sum() < 0.9 * (fine.max(-1) > 0).sum()
     assert (red[0] != red[1]).sum() < 0.12 * red[0].sum()
+
+
+@pytest.mark.parametrize(("shown_by", "metallic"), [
+    ({"Metallic": 1.0, "Roughness": 0.0}, 0), ({"Transmission_Weight": 1.0, "Roughness": 0.0, "IOR": 1.5}, 0),
+    ({"Transmission_Weight": 1.0, "Roughness": 0.0, "IOR": 1.5}, 1)])
+def test_gloss_in_a_mirror_and_behind_glass_shows_the_sky_as_in_cycles(scene, tmp_path, shown_by, metallic):
+    """A black floor with a layer, or one of rough metal."""
+    mesh_object(scene, "Pane", [(x, 0, z) for x, _, z in WALL] + [(x, 0.1, z) for x, _, z in WALL], [
+        (0, 1, 2, 3), (7, 6, 5, 4), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)], smooth("Pane", **shown_by))
+    floor = smooth("Floor", Base_Color=(0.8 * metallic,) * 3 + (1,), Metallic=float(metallic),
+                   Roughness=0.6 if metallic else 0.1)
+    mesh_object(scene, "Floor", [(-20, -20, -1), (20, -20, -1), (20, 20, -1), (-20, 20, -1)], [(0, 1, 2, 3)], floor)
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (1, 1, 1, 1)
+    scene.renderformer_v2.light = "NETWORK"
+    assert_alike(*beside_cycles(scene, tmp_path), rtol=0.1)

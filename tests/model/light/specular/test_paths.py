@@ -94,9 +94,32 @@ def test_a_path_shows_what_glows_where_it_ends_and_where_it_is_mirrored():
     np.testing.assert_allclose(found.color, [np.multiply(GOLD, RED)], atol=2e-3)
 
 
-def test_a_rough_metal_ends_a_path():
-    found = ends(walls((2, -1, constant_tile(GOLD, metallic=1.0, roughness=0.8))))
-    np.testing.assert_allclose(found.color, [GOLD], atol=1e-3)
+def test_a_rough_metal_ends_a_path_with_its_lobe():
+    rough, polished = (constant_tile(GOLD, metallic=1.0, roughness=roughness) for roughness in (0.8, 0.1))
+    found = ends(walls((2, -1, rough)))
+    assert not found.color.any() and not found.gloss.color.any()
+    np.testing.assert_allclose(found.lobe.color, [GOLD], atol=1e-3)
+    found = ends(walls((2, -1, polished), (-1, 1, rough)), (1, 0.5, 0))
+    assert not found.color.any()
+    np.testing.assert_allclose(found.gloss.color, [np.square(GOLD)], atol=2e-3)
+    found = ends(walls((2, -1, polished), (-1, 1, polished), (3, -1, constant_tile()), (-2, 1, rough)), (1, 0.5, 0))
+    assert found.color.any()  # where a lobe was met before, rough metal is matte
+
+
+@pytest.mark.parametrize(("tile", "color", "f0"), [
+    (constant_tile(RED, roughness=0.3, ior=1.5), (1, 1, 1), 0.08),
+    (constant_tile(GOLD, metallic=1.0, roughness=0.3), GOLD, 1.0),
+    (constant_tile(GOLD, metallic=1.0, roughness=0.6), GOLD, 1.0)])
+def test_what_glass_shows_has_a_lobe_in_the_colour_of_the_glass(tile, color, f0):
+    pane = constant_tile((0.25, 1, 1), roughness=0.0, ior=1.0, transmission=1.0)
+    scene, ray = walls((1, 1, pane), (4, -1, tile)), np.float64([(0.8, 0.6, 0)])
+    gloss = follow_paths(scene, along_x(scene), np.zeros((1, 3)), ray, np.float32((-5, 0, 0)),
+                         start=np.zeros((1, 2), np.float32)).gloss
+    np.testing.assert_allclose(gloss.position, [(4, 3, 0)], atol=2e-3)
+    np.testing.assert_allclose(gloss.normal, [(-1, 0, 0)], atol=1e-5)
+    np.testing.assert_allclose(gloss.viewer, -ray, atol=1e-5)
+    np.testing.assert_allclose(gloss.color, [np.multiply(color, (0.5, 1, 1))], atol=2e-3)
+    np.testing.assert_allclose(gloss.f0, [(f0,)], atol=1e-3)
 
 
 @pytest.mark.parametrize(("slope", "ior"), [(0.0, 1.5), (1.0, 1.5), (1.0, 1.0)])
@@ -240,17 +263,18 @@ def test_what_lies_in_one_plane_with_glass_is_black_behind_it_as_in_cycles(gap, 
     np.testing.assert_allclose(found.color, [color], atol=1e-3)
 
 
-def test_lamps_in_a_mirror_of_a_mirror_are_left_to_its_highlights_and_behind_glass_they_are_seen():
+def test_lamps_in_a_mirror_that_a_mirror_or_glass_shows_are_left_to_its_highlights():
     mirror = constant_tile(GOLD, metallic=1.0, roughness=0.1)
     scene, origin = walls((2, -1, mirror), (-1, 1, constant_tile()), shines=True), np.zeros((1, 3))
     ray = np.float64([(1, 0, 0)])
-    left, seen = (follow_paths(scene, along_x(scene), origin, ray, np.float32((-5, 0, 0)), start=start)
-                  for start in (None, np.zeros((1, 2), np.float32)))
-    np.testing.assert_allclose(seen.light, [GOLD], atol=1e-3)
-    assert not left.light.any() and not seen.lobe.color.any()
-    np.testing.assert_allclose(left.lobe.position, [(2, 0, 0)], atol=1e-5)
-    np.testing.assert_allclose(left.lobe.color, [GOLD], atol=1e-3)
-    assert left.lobe.roughness[0, 0] == pytest.approx(0.1, abs=1e-3)
+    mirrored, through = (follow_paths(scene, along_x(scene), origin, ray, np.float32((-5, 0, 0)), start=start)
+                         for start in (None, np.zeros((1, 2), np.float32)))
+    assert not mirrored.gloss.color.any() and not through.lobe.color.any()
+    for found, lobe in (mirrored, mirrored.lobe), (through, through.gloss):
+        assert not found.light.any()
+        np.testing.assert_allclose(lobe.position, [(2, 0, 0)], atol=1e-5)
+        np.testing.assert_allclose(lobe.color, [GOLD], atol=1e-3)
+        assert lobe.roughness[0, 0] == pytest.approx(0.1, abs=1e-3)
 
 
 def through_back(roughness: float, shines: bool = False) -> PathEnds:
