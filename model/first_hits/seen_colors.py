@@ -31,9 +31,9 @@ def seen_colors(colors: np.ndarray, texel: np.ndarray, cosine: np.ndarray, scene
         roughness = roughness_below(roughness, scene.coat[tile])
         f0 = (1 - (1 - f0) / (1 - weight * coat_f0)).clip(0)  # of the layer below, which the tile's contains both
     white, of_metal, slanting = split_sum(cosine, roughness)
-    white, of_metal, slanting = (x[:, None] for x in (white, of_metal, _of_layer(slanting, f0)))
+    layer = _layer_share(f0, white, slanting)[:, None]
+    white, of_metal = white[:, None], of_metal[:, None]
     metal = (base + (1 - base) * of_metal / white) * metal_share(base, white, scene.of_tiles("single")[tile, None])
-    layer = f0[:, None] * (white - slanting) + (f0[:, None] / LEAST_LAYER).clip(max=1) * slanting
     glossy = above + (1 - above) * (metallic * metal + (1 - metallic) * layer)
     glossy -= metallic * base + (1 - metallic) * normal_reflectance(texel[:, IOR, None])
     diffuse = colors[0]
@@ -43,6 +43,19 @@ def seen_colors(colors: np.ndarray, texel: np.ndarray, cosine: np.ndarray, scene
         diffuse = (diffuse + color * (sheen.albedo(cosine[:, None], of_sheen) - mean)).clip(0)
     below = (1 - above) * (1 - layer)
     return np.stack([below * diffuse, (colors[1] + glossy).clip(0), below * colors[2]]).astype(np.float32)
+
+
+def layer_share(f0: np.ndarray, cosine: np.ndarray, roughness: np.ndarray) -> np.ndarray:
+    """(P,) share of uniform light that dielectric layers of f0 (P,) reflect to viewers at cosines (P,); roughness:
+    (P,), perceptual."""
+    white, _, slanting = split_sum(cosine, roughness)
+    return _layer_share(f0, white, slanting)
+
+
+def _layer_share(f0: np.ndarray, white: np.ndarray, slanting: np.ndarray) -> np.ndarray:
+    """The same by what `split_sum` gives."""
+    slanting = _of_layer(slanting, f0)
+    return f0 * (white - slanting) + (f0 / LEAST_LAYER).clip(max=1) * slanting
 
 
 def _of_layer(tabled: np.ndarray, f0: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...beams import beam_share
 from ...first_hits.from_rays import colors_of_texels
+from ...first_hits.seen_colors import layer_share
 from ...first_hits.sheets import own_texels
 from ...geometry import dot, reflected, refracted
 from ...material.reflectance import LEAST_LAYER, fresnel, layer_reflectance
@@ -180,7 +181,9 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
             ends.gloss.set(path[rows], _gloss_lobe(*(x[rows] for x in (point, normal, texel, direction, arrived))))
             shows_lamps[path[rows & mirrors]] = False
             matte = np.where(has_gloss & mirrors, 1, matte)  # one lobe of a path is enough
-        ends.color[path] = tint * np.where(goes_on, not remaining, matte * ~is_dark)[:, None]
+        below = 1 - (1 - metallic) * layer_share(
+            layer_reflectance(texel[:, IOR], transmission), -dot(direction, normal), texel[:, ROUGHNESS])
+        ends.color[path] = tint * np.where(goes_on, not remaining, matte * below * ~is_dark)[:, None]
         before = point - LIFT * reach[:, None] * direction
         kind = np.where(bends, np.uint8(Ray.TRANSMISSION), np.uint8(Ray.GLOSSY))
         direction = np.where(passes[:, None], direction, turned)

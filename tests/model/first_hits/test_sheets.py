@@ -66,7 +66,7 @@ def test_paths_go_straight_to_the_floor_and_know_its_colour():
     view, _, guides = seen(behind_sheet())
     ends = add_path_ends(guides, behind_sheet(), view)
     assert ends.refracted_position[INSIDE][2] == pytest.approx(0, abs=1e-3)
-    np.testing.assert_allclose(ends.refracted_color[INSIDE].astype(np.float32), FLOOR, atol=0.02)
+    np.testing.assert_allclose(ends.refracted_color[INSIDE].astype(np.float32), FLOOR, rtol=0.04)  # below a layer
     assert not ends.refracted_light.any()
 
 
