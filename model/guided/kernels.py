@@ -32,6 +32,7 @@ BAND_PIXELS = 1 << 17              # filtered at a time by each thread
 CENTER_LOGIT = 20.0                        # of the center, that leaves no weight for the others
 BRIGHT = 0.05                       # emission of an emitter's pixel, in the exposure of the picture
 FEW = 4                             # samples from which on kernels do less
+BY_RAYS = 16                        # as many estimates by rays count as: their noise is that of our rays
 LEAST_WEIGHT = 2e-3                       # smaller weights become 0: a neighbour may be a thousand times brighter
 
 
@@ -120,7 +121,6 @@ def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], lob
             Guides(**{key: wide(guide) for key, guide in guides.arrays().items()}))
         return {key: picture[:, reach:-reach] for key, picture in widened.items()}
     device, (height, width) = predictor.enter.weight.device, guides.alpha.shape
-    is_traced = guides.traced is not None  # else the noise is that of our rays, however many samples first hits have
     exposure = float(key_exposure(torch.from_numpy((lobes.radiance + guides.environment).mean(-1).ravel())))
 
     def filtered(outer: slice, inner: slice) -> np.ndarray:
@@ -128,7 +128,7 @@ def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], lob
         inputs, may_change = _inputs(lobes.rows(outer), guides.rows(outer), np.float32(exposure), samples)
         kernels = predictor(inputs.to(device)) * may_change.to(device)
         joined = to_tensor(np.dstack([picture[outer] for picture in pictures.values()])).to(device)
-        counts = to_tensor(samples[..., None]).to(device) if is_traced else FEW
+        counts = BY_RAYS if guides.traced is None else to_tensor(samples[..., None]).to(device)
         return apply_kernels(joined, kernels, counts)[0, :, inner].permute(1, 2, 0).cpu().numpy()
 
     pixels = current_pieces().limit(BAND_PIXELS)
