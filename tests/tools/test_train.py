@@ -23,7 +23,7 @@ from tools.train.config import Stage, TrainConfig
 from tools.train.errors import TrainingError
 from tools.train.losses import PSNR_WEIGHT, image_loss, log_radiance, structure_loss
 from tools.train.network import sample_loss
-from tools.train.samples import build_sample, cached_sample, with_latents
+from tools.train.samples import LightInputs, build_sample, cached_sample, with_latents
 from tools.train.state import TrainingState
 
 TINY = replace(rf2_small(), latent_dim=48, num_layers=1, num_heads=1, dim_feedforward=64, num_register_tokens=2,
@@ -133,7 +133,7 @@ def test_swapped_colours_keep_picture_and_parts_consistent(stored):
 
 def test_training_lowers_the_loss_and_resumes_exactly(stored, tmp_path):
     torch.manual_seed(0)
-    sample = with_latents(build_sample(stored), mapper)
+    sample = with_latents(build_sample(stored, LightInputs.SCENE), mapper)
     state = TrainingState(new_network(TINY), 2e-3, 0.01, 0.9)
 
     def step(state) -> float:
