@@ -211,6 +211,8 @@ def _beside_emitters(light: np.ndarray, noisy: np.ndarray, rendered: Passes) -> 
     beside them may be far above what is around it all the same, as in metal that they lie on.
     """
     beside = box_sums(rendered["emission"].max(axis=-1, keepdims=True), BESIDE) > 0
+    if not beside.any():
+        return light
     albedo = MEDIA_ALBEDO + sum(rendered[f"{lobe}_color"] for lobe in LOBES)
     around = albedo * box_sums(noisy, 1) / box_sums(albedo, 1)
     low, high = np.minimum(light, noisy), np.maximum(light, noisy)
