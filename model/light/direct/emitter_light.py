@@ -235,7 +235,7 @@ class EmitterLight:
         n: (P, 3) unit normals, below whose horizon no ray goes; raised: a share (P, E) of a way (P, 3) from the points,
         at which rays start.
         """
-        point, emitter = is_lit.nonzero().unbind(1)
+        point, emitter = (is_lit & self._casts_shadows).nonzero().unbind(1)
         origin, is_near = x[point], ~self.is_distant[emitter, None]
         if raised is not None:
             origin = origin + raised[0][point, emitter, None] * raised[1][point]
