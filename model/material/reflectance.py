@@ -63,7 +63,7 @@ def metal_share(base, white, single):
     white: what is left of light that has met one white facet. The rest meets more of them (Kulla and Conty 2017), but
     for a share `single` of the surface.
     """
-    lost = 1 - white
+    lost, base = 1 - white, base.clip(0, 1)  # a Glossy BSDF may have more
     return white + (1 - single) * lost * base * white / (1 - base * lost)
 
 

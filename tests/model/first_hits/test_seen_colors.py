@@ -60,6 +60,12 @@ def test_rough_metal_loses_what_its_facets_hide_from_each_other(wide, single, me
     np.testing.assert_allclose(glossy[near].mean(0), measured, atol=0.015)
 
 
+def test_rough_metal_that_reflects_more_than_arrives_stays_bright(wide):
+    scene = floor_scene()
+    scene.tiles[:, :3], scene.tiles[:, METALLIC], scene.tiles[:, ROUGHNESS] = 4, 1, 1
+    assert (seen(scene, wide)[2] > 1).all()
+
+
 def test_a_coat_is_above_what_it_covers(wide):
     """Half a coat of f0 0.04 on a metal, whose tile has its roughness in part."""
     scene = floor_scene()
