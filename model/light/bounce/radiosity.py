@@ -28,14 +28,13 @@ from ..effort import FULL, Effort
 from ..fresnel import reflectance
 from ..probes import CHUNK
 from ..sampling import ggx_directions, hashed_starts, r2_starts
+from .bounces import Bounces, bounce, spread_through, translucent_chains
 from .bright_patches import importance_by_arrival, importance_by_power
 from .final_gather import Gathered, GatherScene
 from .openness import Openness
 from .patch_lobes import PatchLobes
 from .patches import PATCHES, STEEP, make_patches
 
-# At most: more add next to nothing. The last diffuse one is that at the point.
-DIFFUSE_BOUNCES, GLOSSY_BOUNCES = 12, 2
 PATCH_RAYS = 16   # from each side of a patch
 PATCH_AIMED = 8   # rays more towards bright patches
 SKY_RAYS = 16     # from each side of a patch, to the sky
@@ -89,11 +88,11 @@ class Radiosity:
         if not scene.has_caustics["reflective"]:
             metal = layer = torch.zeros_like(diffuse)
         translucent = patches.translucent.repeat(2, 1).to(direct.device) if patches.translucent.any() else None
-        lit = partial(_through, translucent)
+        lit = partial(spread_through, translucent)
         f0, roughness = of_layer.unbind(1)
         area = patches.vector.norm(dim=-1).to(direct.device)
         size = patches.weight.repeat(2).to(direct.device)
-        self._most = _Bounces.of(scene)
+        self._most = Bounces.of(scene)
         group = torch.from_numpy(patches.group).repeat(2)
         with part(0.2, 0.4):
             lights = self._light_by_bounces(direct, x, n, (normals, up), f0, roughness, group, effort.of(SKY_RAYS))
@@ -122,11 +121,12 @@ class Radiosity:
                 first = first + (diffuse + glossy) * lit(fire)
             before = through if most == ANY else torch.zeros_like(through)
             most = self._most.at_most(most)
-            glossily, diffusely = _bounce(gathered, first + before, of_lobes, diffuse, glossy, translucent, most)
+            glossily, diffusely = bounce(gathered, first + before, of_lobes, diffuse, glossy, translucent, most)
             bounced_before = before + diffusely
             self.bounced_before = self.bounced_before + bounced_before
             if translucent is not None:
-                self.bounced_before = self.bounced_before - _chains(gathered, first, diffuse * translucent, most)
+                chains = translucent_chains(gathered, first, diffuse * translucent, most)
+                self.bounced_before = self.bounced_before - chains
             self.leaving = self.leaving + (first + bounced_before + glossily)
             self._of_lobes = self._of_lobes + of_lobes
         self.gather_scene.aim(importance_by_arrival(self.leaving, size, gathered.side, gathered.share))
@@ -248,47 +248,6 @@ class Radiosity:
         return GlossyLight(complete, bounced, missed, sky, highlights)
 
 
-class _Bounces(NamedTuple):
-    """How often light bounces."""
-
-    diffusely: bool  # from patches to a point, whether at all
-    glossily: bool
-    diffuse: int     # between patches before, at most: Cycles counts the last one too
-    glossy: int
-    transmission: int
-    all: int
-
-    @classmethod
-    def of(cls, scene: RenderScene) -> _Bounces:
-        most = scene.most_bounces
-        diffuse, glossy, both = min(most["diffuse"], DIFFUSE_BOUNCES), most["glossy"], most["all"]
-        return cls(min(diffuse, both) > 0, min(glossy, both) > 0, max(diffuse - 1, 0), min(glossy, GLOSSY_BOUNCES),
-                   most["transmission"], max(both - 1, 0))
-
-    def at_most(self, bounces: int) -> _Bounces:
-        """Those of light that bounces so often at most, 1 or more."""
-        return self._replace(all=min(self.all, bounces - 1))
-
-
-def _chains(gathered: Gathered, first: Tensor, through: Tensor, most: _Bounces) -> Tensor:
-    """(sides, 3) of the `first` light what has gone through translucent surfaces alone, of which traced light is too.
-
-    Cycles counts that as transmission. through: (sides, 3) albedo of what sends light to its other side.
-    """
-    chains = torch.zeros_like(first)
-    for _ in range(min(most.transmission, most.all)):
-        first = through * gathered.radiance(first).roll(len(first) // 2, 0)
-        chains = chains + first
-    return chains
-
-
-def _through(translucent: Tensor | None, light: Tensor) -> Tensor:
-    """Of light (sides, 3) that arrives at fronts, then backs, with a share (sides, 1) of the other side's."""
-    if translucent is None:
-        return light
-    return torch.lerp(light, light.roll(len(light) // 2, 0), translucent)
-
-
 def _lobes(lights: dict[int, tuple[Tensor, ...]], metal: Tensor, layer: Tensor, of_layer: Tensor,
            normals: Tensor) -> PatchLobes:
     """The lobes of sides with albedos and normals (sides, 3) and `of_layer` (sides, 2)."""
@@ -297,36 +256,3 @@ def _lobes(lights: dict[int, tuple[Tensor, ...]], metal: Tensor, layer: Tensor, 
     f0, roughness = of_layer.unbind(1)
     return PatchLobes(normals, toward / light.mean(1, keepdim=True).clamp_min(1e-20),
                       torch.lerp(f0, torch.ones_like(f0), metal / (metal + layer).clamp_min(1e-9)), roughness)
-
-
-def _bounce(gathered: Gathered, light: Tensor, of_lobes: Tensor, diffuse: Tensor, glossy: Tensor,
-            translucent: Tensor | None, most: _Bounces) -> tuple[Tensor, Tensor]:
-    """What becomes of `light` (sides, 3) that leaves the patches, by as many bounces as are allowed: (sides, 3) each.
-
-    Separately by glossy bounces alone, which Cycles' traced light follows from mirrors, and by all others. of_lobes:
-    (sides, 3), what of the light goes the way of PatchLobes. translucent: (sides, 1), of diffuse light the share that
-    leaves the other side, which counts as transmission.
-    """
-    reflected = diffuse if translucent is None else diffuse * (1 - translucent)
-    now = {(0, 0): light}  # by number of diffuse and of glossy bounces
-    glossily, diffusely = torch.zeros_like(light), torch.zeros_like(light)
-    for count in range(1, most.all + 1):
-        leaving = torch.cat(list(now.values()), 1)
-        arriving = gathered.with_lobes(leaving, of_lobes) if count == 1 else gathered.radiance(leaving)
-        arriving, now = dict(zip(now, arriving.split(3, 1))), {}
-        for (d, g), some in arriving.items():
-            if d < most.diffuse:
-                now[d + 1, g] = reflected * some + now.get((d + 1, g), 0)
-            if g < most.glossy:
-                now[d, g + 1] = glossy * some + now.get((d, g + 1), 0)
-            if translucent is not None and count - d - g <= most.transmission:
-                now[d, g] = diffuse * translucent * some.roll(len(some) // 2, 0) + now.get((d, g), 0)
-        if not now:
-            break
-        now = {pair: now[pair] for pair in sorted(now)}
-        for (d, g), bounced in now.items():
-            if g and not d:
-                glossily = glossily + bounced
-            else:
-                diffusely = diffusely + bounced
-    return glossily, diffusely

@@ -19,7 +19,7 @@ from ...scene_rays import RaysAmong, scene_rays
 from ...shading import bent_to_reflect, side_normals, surface
 from ...surface_kinds import BENDING, SOLID, Kind, Ray
 from ..direct.direct_light import DirectLight
-from ..direct.emitter_light import END_GAP
+from ..direct.emitter_shadows import END_GAP
 from ..sampling import R2, triangle_weights
 from ..specular.glass import CLEAR, lost
 from ..specular.paths import LIFT

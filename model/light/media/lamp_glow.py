@@ -25,8 +25,8 @@ class LampGlow:
 
     def __init__(self, fog: Fog, lamp: EmitterLight, arriving: Tensor):
         """lamp: one emitter; arriving: (SIDE^3, 3) share of its light that gets to each cell."""
-        self._lamp, self._origin, self._axis = lamp, lamp.origins[0], lamp.beam_axis[0]
-        self._rim = float(lamp.beam_cosine[0, 0]) - MARGIN
+        self._lamp, self._origin, self._axis = lamp, lamp.shapes.origins[0], lamp.shapes.beam_axis[0]
+        self._rim = float(lamp.shapes.beam_cosine[0, 0]) - MARGIN
         self._fog, self._scattered = fog, fog.as_volume(arriving * fog.scattering)
 
     def __call__(self, origin: Tensor, direction: Tensor, begin: Tensor, end: Tensor,

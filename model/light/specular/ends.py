@@ -22,7 +22,8 @@ from ...shading import bent_to_reflect, side_normals, surface
 from ...surface_kinds import ALL, BENDING, SEEN, STRAIGHT_THROUGH, Kind, Ray
 from .facets import pixel_starts, rough_facets
 from .glass import Cast, lost, mirrored_by_plates
-from .paths import BLURRED, LIFT, Lobe, Media, PathEnds, Sheets, follow_paths
+from .path_lobes import LIFT, Lobe
+from .paths import BLURRED, Media, PathEnds, Sheets, follow_paths
 
 PATHS = 1 << 18  # of a lobe, at most
 CHUNK = 1 << 14  # paths that are followed at a time

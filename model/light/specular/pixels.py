@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -52,14 +53,16 @@ def reflected_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, 
     *images, share = blurred_image(image, to_tensor(guides.reflected_position), has_end, surfaces).split(
         [3] * len(light) + [1], -1)
     light = dict(zip(light, images, strict=True))
-    for lobe in MIRRORED:
-        add_gloss(light, guides, surfaces, direct, gather, lobe)
+    lobes = _seen_lobes(guides, surfaces, MIRRORED)
+    for lobe in lobes.values():
+        lobe.add_gloss(light, direct, gather)
     if has_light:
         mean = ((surfaces.roughness[..., None] - FINE[0]) / (FINE[1] - FINE[0])).clamp(0, 1)
         if guides.mirrored_roughness is not None:
             mean = mean * (to_tensor(guides.mirrored_roughness) < SMOOTH)
-        of_metal, *others = (mirrored_highlights(guides, surfaces, direct, lobe) for lobe in MIRRORED)
-        light["complete"] = light["complete"] + torch.lerp(of_metal, highlights, mean) + sum(others)
+        lamps = {name: lobe.highlights(direct) for name, lobe in lobes.items()}
+        of_metal = lamps.pop("mirrored", torch.zeros_like(highlights))
+        light["complete"] = light["complete"] + torch.lerp(of_metal, highlights, mean) + sum(lamps.values())
     return light, share > LEAST_SHARE
 
 
@@ -68,17 +71,18 @@ def refracted_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, 
     """What glass shows, (h, W, 3) from surfaces, "bounced" or "complete", and `with_direct` from lamps and the sky,
     "direct"; blurred where it is rough. Empty where no paths were followed."""
     light, _ = path_ends("refracted", guides)
-    add_gloss(light, guides, surfaces, direct, gather, BEHIND)
+    behind = _seen_lobes(guides, surfaces, [BEHIND]).get(BEHIND)
+    if behind is not None:
+        behind.add_gloss(light, direct, gather)
     if with_direct and guides.refracted_light is not None:
         light["direct"] = tensors_on(direct.device)(guides.refracted_light) + sum(
-            mirrored_highlights(guides, surfaces, direct, lobe) for lobe in LEAVING)
-        if guides.refracted_gloss_roughness is not None:
-            blocked, passing = (mirrored_highlights(guides, surfaces, lamps, BEHIND)
-                                for lamps in (direct, direct.past_glass))
-            roughness = tensors_on(direct.device)(guides.refracted_gloss_roughness)
+            lobe.highlights(direct) for lobe in _seen_lobes(guides, surfaces, LEAVING).values())
+        if behind is not None:
             # Cycles blurs glass (Filter Glossy 1) behind lobes whose density, here that in the middle, is below 1.
-            density = 1 / (4 * math.pi * roughness.clamp_min(0.1) ** 4)
-            light["direct"] += torch.lerp(blocked, passing, density.clamp(max=1).square())
+            density = 1 / (4 * math.pi * behind.roughness.clamp_min(0.1) ** 4)
+            passes = density.clamp(max=1).square()
+            blocked, passing = behind.among(passes < 1).highlights(direct), behind.highlights(direct.past_glass)
+            light["direct"] += torch.lerp(blocked, passing, passes)
     if not light:
         return light
     blurred = frosted(torch.cat(list(light.values()), -1), surfaces)  # all at once, which have the same weights
@@ -104,66 +108,68 @@ def path_end_light(make_probes: Callable[..., Probes], outgoing: Callable[..., d
     return {kind: radiance * color for kind, radiance in light.items()}, (normal != 0).any(-1, keepdim=True)
 
 
-def mirrored_highlights(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, lobe: str) -> Tensor:
-    """(h, W, 3) radiance of the lamps that are mirrored by what paths meet: a lobe of LOBES."""
-    of_lobe = _lobe_surfaces(guides, surfaces, lobe)
-    highlights = torch.zeros_like(surfaces.position)
-    if of_lobe is None or not len(direct.emitters):
-        return highlights
-    seen, share = of_lobe
-    at = seen.is_covered[..., 0].nonzero().unbind(1)
-    start = r2_starts(torch.arange(RAYS * len(at[0]), device=direct.device)).view(-1, RAYS, 2)
-    return highlights.index_put(at, share[at] * direct.highlights(
-        seen.position[at], seen.normal[at], start, -seen.rays[at], seen.roughness[at], seen.f0[at]))
+class SeenLobe(NamedTuple):
+    """A lobe of what paths meet, as if that were seen itself."""
+
+    surfaces: HitSurfaces
+    share: Tensor      # (h, W, 3) of its light that is seen
+    roughness: Tensor  # (h, W, 1) of its own: where it is mirrored, that of `surfaces` is as much wider as the mirror's
+
+    def among(self, chosen: Tensor) -> SeenLobe:
+        """At some pixels (h, W, 1) alone."""
+        return self._replace(surfaces=replace(self.surfaces, coverage=self.surfaces.coverage * chosen))
+
+    def highlights(self, direct: DirectLight) -> Tensor:
+        """(h, W, 3) radiance of the lamps in it."""
+        seen, highlights = self.surfaces, torch.zeros_like(self.share)
+        if not len(direct.emitters):
+            return highlights
+        at = seen.is_covered[..., 0].nonzero().unbind(1)
+        start = r2_starts(torch.arange(RAYS * len(at[0]), device=direct.device)).view(-1, RAYS, 2)
+        return highlights.index_put(at, self.share[at] * direct.highlights(
+            seen.position[at], seen.normal[at], start, -seen.rays[at], seen.roughness[at], seen.f0[at]))
+
+    def add_gloss(self, light: dict[str, Tensor], direct: DirectLight, gather: Gather) -> None:
+        """Add to (h, W, 3) "bounced" or "complete", in place, what it mirrors but lamps: surfaces and the sky.
+
+        Polished metal does not, at which paths go on.
+        """
+        seen, share = self.among((self.surfaces.f0[..., None] < 1) | (self.roughness >= BLURRED)).surfaces, self.share
+        at = seen.is_covered[..., 0].nonzero().unbind(1)
+        if not len(at[0]):
+            return
+        gloss, sky = gather(seen), direct.sky_seen_by(Ray.GLOSSY)
+        if "complete" in light and sky is not None:
+            radiance = in_chunks(CHUNK, sky.reflected, seen.normal[at], -seen.rays[at], seen.roughness[at], seen.f0[at])
+            light["complete"] = light["complete"].index_put(at, share[at] * gloss.sky[at] * radiance, accumulate=True)
+        for kind in light:
+            if (radiance := getattr(gloss, kind)) is not None:
+                light[kind] = light[kind] + share * radiance
 
 
-def add_gloss(light: dict[str, Tensor], guides: Guides, surfaces: HitSurfaces, direct: DirectLight,
-              gather: Gather, lobe: str) -> None:
-    """Add to (h, W, 3) "bounced" or "complete", in place, what one of LOBES mirrors but lamps: surfaces and the sky.
-
-    Polished metal does not, at which paths go on.
-    """
-    of_lobe = _lobe_surfaces(guides, surfaces, lobe)
-    if of_lobe is None:
-        return
-    seen, share = of_lobe
-    is_polished = (seen.f0 == 1) & (tensors_on(direct.device)(getattr(guides, f"{lobe}_roughness"))[..., 0] < BLURRED)
-    seen = replace(seen, coverage=seen.coverage * ~is_polished[..., None])
-    at = seen.is_covered[..., 0].nonzero().unbind(1)
-    if not len(at[0]):
-        return
-    gloss, environment = gather(seen), direct.sky_seen_by(Ray.GLOSSY)
-    if "complete" in light and environment is not None:
-        sky = in_chunks(CHUNK, environment.reflected, seen.normal[at], -seen.rays[at], seen.roughness[at], seen.f0[at])
-        light["complete"] = light["complete"].index_put(at, share[at] * gloss.sky[at] * sky, accumulate=True)
-    for kind in light:
-        if (radiance := getattr(gloss, kind)) is not None:
-            light[kind] = light[kind] + share * radiance
+def _seen_lobes(guides: Guides, surfaces: HitSurfaces, names: Iterable[str]) -> dict[str, SeenLobe]:
+    """Those of LOBES that what is met by paths from `surfaces` has."""
+    return {name: _seen_lobe(guides, surfaces, name) for name in names if getattr(guides, f"{name}_color") is not None}
 
 
-def _lobe_surfaces(guides: Guides, surfaces: HitSurfaces, lobe: str) -> tuple[HitSurfaces, Tensor] | None:
-    """What has one of LOBES where paths that leave `surfaces` meet it, as if it were seen itself, and (h, W, 3) the
-    share of the light of the lobe that is seen; None where there is none.
-
-    Where it is mirrored, the lobe is as much wider as the surface's own is.
-    """
-    position, normal, color, roughness, f0, viewer = (
-        getattr(guides, f"{lobe}_{kind}", None) for kind in ("position", "normal", "color", "roughness", "f0",
-                                                             "viewer"))
-    if color is None:
-        return None
+def _seen_lobe(guides: Guides, surfaces: HitSurfaces, name: str) -> SeenLobe:
     to_tensor = tensors_on(surfaces.position.device)
-    position, n, color, roughness = to_tensor(position), unit(to_tensor(normal)), to_tensor(color), to_tensor(
-        roughness)[..., 0]
-    if lobe in MIRRORED:
+    position, normal, color, own, f0, viewer = (
+        None if values is None else to_tensor(values) for values in (
+            getattr(guides, f"{name}_{kind}", None) for kind in ("position", "normal", "color", "roughness", "f0",
+                                                                 "viewer")))
+    n, roughness = unit(normal), own[..., 0]
+    if name in MIRRORED:
         roughness = (roughness ** 4 + surfaces.roughness ** 4) ** 0.25
-    viewer = to_tensor(viewer) if viewer is not None else surfaces.position - position if lobe in MIRRORED else n
+    if viewer is None:
+        viewer = surfaces.position - position if name in MIRRORED else n
     viewer = unit(viewer)
     if f0 is None:
         f0 = torch.ones_like(roughness)
     else:
-        f0 = to_tensor(f0)[..., 0]
+        f0 = f0[..., 0]
         albedo = lobe_albedo(f0.flatten(), dot(n, viewer).flatten(), roughness.flatten()).view_as(f0)
         color = color * torch.where(f0 < 1, albedo, 1)[..., None]
-    return replace(surfaces, position=position, normal=n, rays=-viewer, roughness=roughness, f0=f0,
-                   coverage=(color.amax(-1, keepdim=True) > 0).float(), diffuse_ratio=torch.zeros_like(f0)), color
+    return SeenLobe(replace(surfaces, position=position, normal=n, rays=-viewer, roughness=roughness, f0=f0,
+                            coverage=(color.amax(-1, keepdim=True) > 0).float(), diffuse_ratio=torch.zeros_like(f0)),
+                    color, own)

@@ -51,12 +51,12 @@ def parts(bounce: Radiosity, points, normals) -> tuple[torch.Tensor, torch.Tenso
 def test_bounces_between_patches_never_wait_for_a_card(monkeypatch):
     calls = []
 
-    def watched(*inputs, real=radiosity._bounce):
+    def watched(*inputs, real=radiosity.bounce):
         with NoHostCopies():
             calls.append(real(*inputs))
         return calls[-1]
 
-    monkeypatch.setattr(radiosity, "_bounce", watched)
+    monkeypatch.setattr(radiosity, "bounce", watched)
     built(walls((0.9, 0.1, 0.1)))
     assert len(calls) == 1 and all(light.max() > 0 for light in calls[0])
 
@@ -223,9 +223,9 @@ def test_all_light_of_a_lamp_arrives_in_a_closed_box():
     first = bounce.leaving - bounce.bounced_before
     arrived = sum((area * side / 0.5).sum(0) for side in first.split(len(area)))
     emitters = direct.emitters
-    sheets = 2 * np.linalg.norm(area_vectors(emitters.corners.numpy()), axis=-1)
+    sheets = 2 * np.linalg.norm(area_vectors(emitters.shapes.corners.numpy()), axis=-1)
     emitted = torch.from_numpy(np.float32(sheets)) @ emitters.radiance[:len(sheets)]  # by both sides, over pi
-    emitted = emitted + 4 * np.pi * emitters.radii.square() @ emitters.radiance[len(sheets):]
+    emitted = emitted + 4 * np.pi * emitters.shapes.radii.square() @ emitters.radiance[len(sheets):]
     torch.testing.assert_close(arrived, emitted, rtol=0.05, atol=0)
 
 

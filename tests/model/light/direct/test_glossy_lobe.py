@@ -119,4 +119,4 @@ def test_a_fine_flat_panel_is_one_emitter():
     fine = np.concatenate([SQUARE / 8 + np.float32((i / 4 - 0.875, j / 4 - 0.875, 2)) for i in range(8)
                            for j in range(8)])
     emitters = DirectLight(lit_by(fine)).emitters
-    assert len(emitters) == 1 and emitters.corners.shape == (1, 4, 3)
+    assert len(emitters) == 1 and emitters.shapes.corners.shape == (1, 4, 3)

@@ -78,7 +78,7 @@ def test_a_volume_darkens_what_lamps_sky_and_other_surfaces_light():
         radiosity = Radiosity(scene, direct)
         radiosity.leaving = torch.ones_like(radiosity.leaving)
         bounced.append(radiosity.diffuse(torch.tensor([[0.1, 0.1, 0.6]]), -UP).indirect[0])
-    lamp = direct.emitters.origins.mean(0).norm().item()
+    lamp = direct.emitters.shapes.origins.mean(0).norm().item()
     sky, lamps = visible[1] / visible[0]
     assert 0.2 < sky[0] < np.exp(-0.8) + 0.05  # at least a unit of the box above, more aside
     assert lamps[0].item() == pytest.approx(np.exp(-0.8 * min(lamp, 1.0)), abs=0.1)

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is in the way of emitters' light, by shadow rays.
+
+Shapes: P points, E emitters. All lengths are in network units. Vectors to emitters are planes (3, P, E), as in
+form_factors.py.
+"""
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ...scene import RenderScene
+from ...scene_rays import scene_rays
+from ...surface_kinds import BENDING, OCCLUDING, SHADING, Kind, Ray
+from ..cutouts import Cutouts
+from ..media.transmittance import Fog
+from ..tensor_rays import TensorRays
+from ..vectors import dot, length
+from .emitter_shapes import EmitterShapes
+from .emitters import ROUND, Limits
+from .environment_light import LIFT
+from .terminator import start_heights
+
+FOG_REACH = 3.0  # network units from the centre: fog beyond dims no emitter
+END_GAP = 4e-3   # network units before an emitter at which a shadow ray ends
+OF_ALL = ("_before", "_occluder", "_casts_shadows")  # fields of EmitterShadows that have a row for each emitter
+
+
+class EmitterShadows:
+    """What stands between emitters and surfaces: occluders, cutouts, fog."""
+
+    def __init__(self, scene: RenderScene, shapes: EmitterShapes, limits: Limits, fog: Fog | None,
+                 cutouts: Cutouts | None):
+        device = shapes.origins.device
+        self._shapes, self._fog, self._cutouts = shapes, fog, cutouts
+        self._casts_shadows = torch.as_tensor(limits.blockers > 0, device=device)
+        # What shines to one side is at the place of its surface, lumps and spheres stand for one around them.
+        self._before = torch.where(shapes.beam_axis.any(1), END_GAP, ROUND * shapes.reach)
+        self._shining = None
+        if shapes.is_surface.sum() > 1:
+            self._shining = TensorRays(scene_rays(scene).among(Kind.EMITTER, Ray.SHADOW))
+        self._occluders, self._occluder = _occluders(scene, limits, device)
+
+    def past_glass(self, scene: RenderScene, limits: Limits, cutouts: Cutouts | None) -> EmitterShadows:
+        """Those of the light that glass does not stop, but dims as all `cutouts` do."""
+        shadows = copy.copy(self)
+        shadows._cutouts = cutouts
+        shadows._occluders, shadows._occluder = _occluders(scene, limits, self._before.device, BENDING)
+        return shadows
+
+    def alone(self, row: int, shape: EmitterShapes) -> EmitterShadows:
+        """Those of one emitter, which has that shape alone."""
+        one = copy.copy(self)
+        one._shapes = shape
+        for name in OF_ALL:
+            setattr(one, name, getattr(self, name)[row:row + 1])
+        return one
+
+    def visible(self, origin: Tensor, n: Tensor, start: Tensor, is_lit: Tensor, direction: Tensor) -> Tensor:
+        """As `trace`, by K rays of points with unit normals (P, 3).
+
+        origin: as of EmitterLight.visibility, or (P, 1, ...); start: (P, K, 2).
+        """
+        origin, *curved = origin.split(3, 2)
+        raised = None
+        if curved:  # of a point all rays have the same
+            face, up = (x[:, 0] for x in curved)
+            raised = start_heights(direction, face, n), up
+        rays = zip(origin.expand(-1, start.shape[1], -1).unbind(1), start.unbind(1), strict=True)
+        return sum(self.trace(x + LIFT * n, is_lit, direction, on_emitter, n, raised)
+                   for x, on_emitter in rays) / start.shape[1]
+
+    def trace(self, x: Tensor, is_lit: Tensor, direction: Tensor, start: Tensor, n: Tensor | None = None,
+              raised: tuple[Tensor, Tensor] | None = None) -> Tensor:
+        """(P, E, 1) or (P, E, 3) share of each emitter's light that arrives at points (P, 3) by one ray.
+
+        Where `is_lit` (P, E). direction: (3, P, E), to the emitters; start: (P, 2), where on them the rays end.
+        n: (P, 3) unit normals, below whose horizon no ray goes; raised: a share (P, E) of a way (P, 3) from the points,
+        at which rays start.
+        """
+        point, emitter = (is_lit & self._casts_shadows).nonzero().unbind(1)
+        origin, is_near = x[point], ~self._shapes.is_distant[emitter, None]
+        if raised is not None:
+            origin = origin + raised[0][point, emitter, None] * raised[1][point]
+        ray = self._shapes.points_on(emitter, direction[:, point, emitter].T, start[point]) - origin * is_near
+        if n is not None:
+            ray = _above_horizon(ray, self._shapes.origins[emitter] - origin * is_near, n[point])
+        distance = length(ray)
+        ray, end = ray / distance.clamp_min(1e-9)[:, None], distance - END_GAP
+        is_blocked = self._is_blocked(emitter, origin, ray, end)
+        if self._shining is not None:
+            # Shells that are seen from outside would hide themselves: lumps that stand for them lie below.
+            faces = self._shapes.is_surface[emitter] & (dot(self._shapes.outward[emitter], ray) >= 0)
+            others = (~is_blocked & faces).nonzero()[:, 0]
+            is_blocked[others] = self._shining.is_blocked(
+                *(rays[others] for rays in (origin, ray, distance - self._before[emitter])))
+        arrives = 1.0 * ~is_blocked[:, None]
+        if self._cutouts is not None:
+            arrives = arrives * self._cutouts.transmittance(origin, ray, end * arrives[:, 0])
+        visible = arrives.new_zeros(*is_lit.shape, arrives.shape[1]).index_put((point, emitter), arrives)
+        if self._fog is not None:
+            visible = visible * self._fog.transmittance(x[:, None], self._shapes.origins.renorm(2, 0, FOG_REACH))
+        return torch.where(self._casts_shadows[:, None], visible, is_lit[..., None])
+
+    def _is_blocked(self, emitter: Tensor, *rays: Tensor) -> Tensor:
+        """(R,) bool of rays to emitters (R,), as TensorRays.is_blocked has them."""
+        if len(self._occluders) == 1:
+            return self._occluders[0].is_blocked(*rays)
+        is_blocked, occluder = torch.zeros_like(emitter, dtype=torch.bool), self._occluder[emitter]
+        for i, occluders in enumerate(self._occluders):
+            rows = (occluder == i).nonzero()[:, 0]
+            is_blocked[rows] = occluders.is_blocked(*(x[rows] for x in rays))
+        return is_blocked
+
+
+def _occluders(scene: RenderScene, limits: Limits, device: torch.device | str,
+               passed: int = 0) -> tuple[list[TensorRays], Tensor]:
+    """What stops the light of emitters (E,) of some limits, and which of it is that of each, (E,) i64.
+
+    Surfaces that shine stop that of lamps alone: no emitter shades itself. passed: what stops none.
+    """
+    kinds, occluder = np.unique(np.stack([limits.blockers, limits.is_lamp], 1), axis=0, return_inverse=True)
+    rays = scene_rays(scene)
+    return [TensorRays(rays.among((SHADING if is_lamp else OCCLUDING) & ~passed, Ray.SHADOW, int(groups)))
+            for groups, is_lamp in kinds], torch.as_tensor(occluder.reshape(-1), device=device)
+
+
+def _above_horizon(ray: Tensor, middle: Tensor, n: Tensor) -> Tensor:
+    """Vectors (R, 3) to emitters, those below the horizon of unit normals (R, 3) mirrored at their middle (R, 3).
+
+    Form factors are of what is above it alone, and so is what is visible of that.
+    """
+    ray = torch.where(dot(ray, n)[:, None] < 0, 2 * middle - ray, ray)
+    return ray - dot(ray, n).clamp(max=0)[:, None] * n
