@@ -93,10 +93,12 @@ def light_passes(guides: Guides, lobes: Lobes, sampled: dict[str, np.ndarray],
 
 def _light_passes(guides: Guides, lobes: Lobes, sampled: dict[str, np.ndarray],
                   volumes: bool) -> dict[str, np.ndarray]:
-    albedo = _pass_albedo(guides)
-    light = {f"{lobe}_indirect": lobes.indirect[i] for i, lobe in enumerate(LOBES)}
+    albedo, kept = _pass_albedo(guides), dict.fromkeys(LOBES, 1)
+    if guides.glossy_kept is not None:  # Cycles' light of the lobe is that much darker, not its colour
+        kept["glossy"] = guides.glossy_kept[..., None]
+    light = {f"{lobe}_indirect": lobes.indirect[i] * kept[lobe] for i, lobe in enumerate(LOBES)}
     if lobes.traced is None:
-        light |= {f"{lobe}_direct": lobes.direct[i] for i, lobe in enumerate(LOBES)}
+        light |= {f"{lobe}_direct": lobes.direct[i] * kept[lobe] for i, lobe in enumerate(LOBES)}
         # Most glass has two sides, and Cycles counts as indirect what is seen through both.
         through = light.pop("transmission_direct")
         light |= {"transmission_direct": np.zeros_like(through),
@@ -124,13 +126,13 @@ def _recipe(light: dict[str, np.ndarray], albedo: dict[str, np.ndarray]) -> np.n
 
 
 def _lobe_albedo(guides: Guides) -> np.ndarray:
-    """(3, H, W, 3) of LOBES."""
-    return np.stack([guides.diffuse_color, guides.glossy_color, guides.transmission_color])
+    """(3, H, W, 3) of LOBES, of estimated light."""
+    return np.stack([guides.diffuse_color, guides.glossy_albedo, guides.transmission_color])
 
 
 def _pass_albedo(guides: Guides) -> dict[str, np.ndarray]:
-    """Albedo by light pass; passes of volumes have none."""
-    albedos = zip(LOBES, _lobe_albedo(guides), strict=True)
+    """Albedo by light pass, as Cycles' passes have it; passes of volumes have none."""
+    albedos = zip(LOBES, (guides.diffuse_color, guides.glossy_color, guides.transmission_color), strict=True)
     return {f"{lobe}_{part}": albedo for lobe, albedo in albedos for part in ("direct", "indirect")}
 
 

@@ -138,6 +138,8 @@ class Guides:
     # bounce, premultiplied; None = nothing was traced
     traced: np.ndarray | None = None
     samples: np.ndarray | None = None  # (H, W) f32, of each pixel in the first hits and in `traced`; None: not known
+    # (H, W) f32, share of `glossy_color` that gets out from between rough facets; None: all of it
+    glossy_kept: np.ndarray | None = None
     # (H, W) bool, pixels whose transmission goes straight on: emission and environment show what shines behind them
     straight: np.ndarray | None = None
     # (H, W, 3), of the matte surfaces that reflections and refractions end at: place (f32, world), unit normal (f16),
@@ -196,6 +198,11 @@ class Guides:
         for name, value in self.arrays().items():
             if value.shape[:2] != (h, w):
                 raise ValueError(f"guide {name} has shape {value.shape}, expected ({h}, {w}, ...)")
+
+    @property
+    def glossy_albedo(self) -> np.ndarray:
+        """(H, W, 3) f32, of the glossy lobe."""
+        return self.glossy_color if self.glossy_kept is None else self.glossy_color * self.glossy_kept[..., None]
 
     def arrays(self) -> dict[str, np.ndarray]:
         """By name, those that are there."""

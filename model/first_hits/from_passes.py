@@ -85,7 +85,7 @@ def guides_from_passes(passes: Passes, scene: RenderScene, view: View, nearest_t
     guides.normal[several] = shown.normal[several]
     report()
     guides = glass_from_inside.with_reflectance(emitter_silhouettes.smoothed(guides, scene, view), scene, view)
-    guides = rough_gloss.darkened(guides, scene, view)
+    guides = rough_gloss.with_kept(guides, scene, view)
     if guides.traced is None:
         guides = _with_fibres(guides, scene, view)
     behind = _behind_media(scene, camera, hit, surfaces) if has_media else None

@@ -2,11 +2,13 @@
 """Gloss whose facets do not light each other: files of Blender before 4.0 have it, and Glossy BSDFs with GGX.
 
 Cycles' pass of its colour is that of smooth surfaces, and the light of Cycles' own passes is as much darker as facets
-hide from each other. Ours is that of surfaces that lose nothing, so the colour is what gets out.
+hide from each other. Estimates are of surfaces that lose nothing, so their albedo is what gets out.
 """
 from __future__ import annotations
 
 from dataclasses import replace
+
+import numpy as np
 
 from ..camera import view_rays
 from ..geometry import dot
@@ -15,8 +17,8 @@ from ..scene import COAT, Guides, RenderScene, View
 from .hit_materials import hit_roughness_below, hit_values
 
 
-def darkened(guides: Guides, scene: RenderScene, view: View) -> Guides:
-    """First hits (world frame) with the colour of such gloss; that of clear coats stays as it is."""
+def with_kept(guides: Guides, scene: RenderScene, view: View) -> Guides:
+    """First hits (world frame) that know what of such gloss gets out; clear coats lose nothing."""
     if scene.single is None:
         return guides
     single = hit_values(scene, guides, scene.single)
@@ -24,6 +26,6 @@ def darkened(guides: Guides, scene: RenderScene, view: View) -> Guides:
         single = single * (1 - hit_values(scene, guides, scene.coat)[..., COAT["share"]][..., 0])
     at = single > 0
     white = split_sum(-dot(guides.normal[at], view_rays(view)[1][at]), hit_roughness_below(scene, guides)[at])[0]
-    glossy = guides.glossy_color.copy()
-    glossy[at] *= (1 - single[at] * (1 - white))[:, None]
-    return replace(guides, glossy_color=glossy)
+    kept = np.ones_like(guides.alpha)
+    kept[at] = 1 - single[at] * (1 - white)
+    return replace(guides, glossy_kept=kept)

@@ -140,7 +140,7 @@ def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], lob
 def _inputs(lobes: Lobes, guides: Guides, exposure: np.float32, samples: np.ndarray) -> tuple[Tensor, Tensor]:
     """`kernel_inputs` of some rows."""
     traced = np.zeros_like(lobes.radiance) if guides.traced is None else guides.traced
-    surface = np.dstack([guides.diffuse_color, guides.glossy_color, guides.transmission_color,
+    surface = np.dstack([guides.diffuse_color, guides.glossy_albedo, guides.transmission_color,
                          guides.normal * guides.alpha[..., None], guides.alpha])
     return kernel_inputs(
         to_tensor(lobes.radiance * exposure), to_tensor(np.dstack([guides.emission, guides.environment]) * exposure),

@@ -61,7 +61,7 @@ class HitSurfaces:
         normal = F.normalize(to_tensor(guides.normal), dim=-1)
         roughness = to_tensor(hit_roughness_below(scene, guides))
         diffuse, glossy, transmission = map(
-            to_tensor, (guides.diffuse_color, guides.glossy_color, guides.transmission_color))
+            to_tensor, (guides.diffuse_color, guides.glossy_albedo, guides.transmission_color))
         cosine, coverage = -dot(normal, rays), to_tensor(guides.alpha)[..., None].clamp(0, 1)
         f0 = _relative_f0(*map(to_tensor, hit_reflectances(scene, guides)), cosine, roughness)
         translucent, sheen, coat = (None if values is None else to_tensor(hit_values(scene, guides, values))

@@ -235,16 +235,19 @@ def _tile_size(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, l
 def _make_finite(rendered: Passes, report: Report) -> None:
     """Normalised vectors of no length are NaN in Cycles: it lets a pixel be black then, but not its passes.
 
-    Colours of surfaces end where the scene's do: beyond, light times them is no number.
+    So surfaces with such a normal have no colour. Colours of surfaces end where the scene's do: beyond, light times
+    them is no number.
     """
+    is_black = ~np.isfinite(rendered["normal"]).all(axis=-1)
     for key, values in rendered.items():
         if not np.isfinite(values).all():
             report.approximated(key.replace("_", " ").title(),
                                 "where Cycles' pass holds no number, 0 is taken: look for a Normal or Tangent of 0 in "
                                 "materials")
             values = np.nan_to_num(values, posinf=HALF_MAX, neginf=-HALF_MAX)
-        is_color = key.endswith("_color") and values.max(initial=0) > BRIGHTEST
-        rendered[key] = np.minimum(values, BRIGHTEST) if is_color else values
+        if key.endswith("_color") and (is_black.any() or values.max(initial=0) > BRIGHTEST):
+            values = np.where(is_black[..., None], 0, values.clip(max=BRIGHTEST))
+        rendered[key] = values
 
 
 def _set_camera(depsgraph: bpy.types.Depsgraph, model: CameraModel, override) -> None:

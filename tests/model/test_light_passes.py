@@ -65,6 +65,25 @@ def test_traced_light_keeps_the_proportions_of_the_samples():
     np.testing.assert_allclose(0.5 * passes["glossy_indirect"], 0.25 * given.traced, rtol=1e-4, atol=1e-6)
 
 
+@pytest.mark.parametrize("traced", [False, True])
+def test_light_of_rough_gloss_is_darker_and_its_colour_that_of_cycles(traced):
+    given = replace(guides(np.random.default_rng(5), traced), glossy_kept=np.full((H, W), 0.4, np.float32))
+    for color in (given.diffuse_color, given.glossy_color):
+        color[:] = 0.5
+    given.transmission_color[:] = 0
+    light, dark = np.ones((3, H, W, 3), np.float32), np.zeros((3, H, W, 3), np.float32)
+    names = [f"{lobe}_{part}" for lobe in LOBES for part in ("direct", "indirect")]
+    sampled = dict.fromkeys(names, dark[0]) | {"diffuse_direct": light[0], "glossy_direct": 0.4 * light[0]}
+    radiance = 0.7 * light[0]
+    if traced:
+        given.traced[:] = radiance
+    lobes = Lobes(radiance, given.traced, dark if traced else light, dark)
+    passes = light_passes(given, lobes, sampled if traced else {}, volumes=False)
+    np.testing.assert_allclose(passes["diffuse_direct"], 1, rtol=1e-4)
+    np.testing.assert_allclose(passes["glossy_direct"], 0.4, rtol=1e-4)
+    np.testing.assert_allclose(recipe(passes, given), radiance, rtol=1e-4)
+
+
 def test_denoised_light_where_no_sample_found_any_belongs_to_the_lobes():
     given = guides(np.random.default_rng(3), traced=True)
     dark = np.zeros((3, H, W, 3), np.float32)

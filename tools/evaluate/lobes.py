@@ -45,7 +45,7 @@ def collect_ratios(paths: list[Path], renderer: Renderer) -> Ratios:
             ours = {f"{lobe}_{kind}": radiance
                     for kind, lobes in (("direct", light.direct), ("indirect", light.indirect()))
                     for lobe, radiance in zip(LOBES, world_radiance(encoded, lobes))}
-            albedo = dict(zip(LOBES, (guide.diffuse_color, guide.glossy_color, guide.transmission_color)))
+            albedo = dict(zip(LOBES, (guide.diffuse_color, guide.glossy_albedo, guide.transmission_color)))
             for kind, roughness, pixels in materials(scene, guide):
                 shown = own["combined"][pixels][:, :3].mean()
                 for name, keys in PASSES.items():

@@ -115,7 +115,7 @@ def prepare_view(encoded: EncodedScene, view: View, guides: Guides, passes: dict
     """What the network adds to, in world radiance."""
     light = estimated_light(encoded, view, guides)
     radiance, indirect = (world_radiance(encoded, x) for x in (light.radiance(), light.indirect()))
-    indirect = indirect * np.stack([guides.diffuse_color, guides.glossy_color, guides.transmission_color])
+    indirect = indirect * np.stack([guides.diffuse_color, guides.glossy_albedo, guides.transmission_color])
     directly_visible = guides.emission + guides.environment
     return CorrectableView(
         rest=radiance + directly_visible - indirect.sum(0), indirect=indirect,

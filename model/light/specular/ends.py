@@ -50,7 +50,7 @@ class PathLobe(NamedTuple):
         return (albedo > self.least_albedo).any(-1) & (roughness < self.most_roughness)
 
 
-REFLECTED = PathLobe("reflected", "glossy_color", "glossy", Ray.GLOSSY, 0.02, BLURRED, "mirrored", "layer")
+REFLECTED = PathLobe("reflected", "glossy_albedo", "glossy", Ray.GLOSSY, 0.02, BLURRED, "mirrored", "layer")
 REFRACTED = PathLobe("refracted", "transmission_color", "transmission", Ray.TRANSMISSION, 0.05, math.inf, "exit",
                      "inner")
 

@@ -28,6 +28,7 @@ SURFACES = 6       # a path passes at most
 SHARP, BLURRED = 0.15, 0.35  # roughness up to which a reflection is an image, and from which it is a mean over the lobe
 AT_ONCE = 3e-6     # of the longest segment, within which glass and what it stands on are met at once
 LAMPS = 4          # that do not shine on it a path passes at a time
+NEARLY = 0.75      # clear are sheets, from which on all paths pass, and none through those that are so little clear
 
 Media = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
@@ -254,9 +255,12 @@ def _met_at_once(solid: Cast, glass: Cast, origin: np.ndarray, direction: np.nda
 def _passes_sheets(clear: np.ndarray, start: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:
     """(P,) bool each: paths that pass the surface of that number, which lets (P, 3) pass straight, and those at sheets.
 
-    As much of light as is clear passes, by the `start` (P, 2) of paths.
+    As much of light as is clear passes, by the `start` (P, 2) of paths: all of what is nearly clear, as single pixels
+    that show the sheet would be speckles.
     """
-    return start[:, 0] * (2 * number + 1) % 1 < clear.mean(axis=1), clear.any(axis=1)
+    share = clear.mean(axis=1)
+    share = np.where(np.abs(share - 0.5) > NEARLY - 0.5, share.round(), share)
+    return start[:, 0] * (2 * number + 1) % 1 < share, clear.any(axis=1)
 
 
 def _seen_of_sheets(texel: np.ndarray, clear: np.ndarray, passes: np.ndarray) -> np.ndarray:

@@ -108,3 +108,14 @@ def test_a_sheet_alone_is_what_was_mixed_with_a_window(clear):
 def test_many_sheets_are_left_to_the_means_of_samples(count, is_straight):
     _, _, guides = seen(floor_scene().appended(*(sheet(z=1 + 0.1 * i) for i in range(count))))
     assert (guides.straight is not None and bool(guides.straight[INSIDE])) == is_straight
+
+
+def test_nearly_clear_sheets_hide_nothing_from_single_paths():
+    """Each pixel has one path: those that ended at such a sheet would be speckles."""
+    lower = replace(sheet(z=0.5, tile=sheet_tile(clear=0.8)), clear=np.full((1, 3), 0.8, np.float32))
+    scene = behind_sheet().appended(lower)
+    view, _, guides = seen(scene)
+    ends = add_path_ends(guides, scene, view)
+    at = guides.straight & ends.refracted_color.any(-1)
+    assert at.sum() > 50
+    np.testing.assert_allclose(ends.refracted_position[at][:, 2], 0, atol=1e-3)

@@ -226,3 +226,19 @@ def test_metal_that_a_glowing_strip_lies_on_shines_as_in_cycles(scene, tmp_path)
     ours, cycles = ((picture - emission).sum() for picture in pictures)
     assert cycles > 0.1 * emission.sum()
     assert ours == pytest.approx(cycles, rel=0.15)
+
+
+@pytest.mark.parametrize("chosen", ["TRACED", "NETWORK"])
+def test_a_surface_whose_normal_is_no_number_is_black_as_in_cycles(scene, tmp_path, chosen):
+    of = material("Normal of 0")
+    tree = of.node_tree
+    zero = tree.nodes.new("ShaderNodeNormalMap")
+    zero.inputs["Color"].default_value = (0.5, 0.5, 0.5, 1)
+    tree.links.new(zero.outputs[0], tree.nodes["Principled BSDF"].inputs["Normal"])
+    cube(scene, of=of)
+    scene.renderformer_v2.light, scene.render.resolution_x, scene.render.resolution_y = chosen, 32, 32
+    reference = scene.renderformer_v2.reference
+    reference.use, reference.samples = True, 16
+    rendered = press_f12(scene, tmp_path)
+    ours, cycles = (rendered[f"ViewLayer.{name}"][16, 16, :3] for name in ("Combined", "Cycles Reference"))
+    assert ours.max() == cycles.max() == 0
