@@ -47,7 +47,7 @@ EMITTER_RADIANCE = 1.0       # from here on the own light of a surface outshines
 DARK_FRACTION = 0.01         # of an emission texture: darker triangles do not shine if all are as small a share of it
 CLEAR = 0.95                 # a triangle that lets more light straight through than this is left out
 UNEVEN = 0.05                # of the mean emission of a triangle: it is a picture where it differs by more
-MOST_PICTURES = 1024         # triangles of a mesh with one; a finer mesh shows it by its triangles
+MOST_PICTURES = 256          # triangles of a mesh with one; a finer mesh shows it by its triangles
 ONE_TRIANGLE = TriangleMesh(np.eye(3, dtype=np.float32)[None], np.full((1, 3, 3), 3 ** -0.5, np.float32), {}, None, {},
                             None, np.zeros(1, np.int32), np.float32([(0, 0, 0), (1, 1, 1)]))
 BRIGHTEST = 6e4              # that half floats hold
