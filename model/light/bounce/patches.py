@@ -110,7 +110,7 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     there may be half as many more."""
     most = round(share * PATCHES)
     kinds = scene_rays(scene).trees.kinds
-    means, translucence = _solid_means(scene)
+    means = _solid_means(scene)
     material = np.concatenate([tile_albedo(means, scene.of_tiles("single")), _layer(means)], axis=1)
     shines = is_kind(kinds, Kind.EMITTER)
     rows = scene_rays(scene).rows(REFLECTING, BOUNCED)
@@ -123,7 +123,7 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     corners, source = subdivision.pieces()
     token = scene.surfaces.token[source]
     material = np.concatenate([material[scene.tile_index], material[scene.tile_behind],
-                               translucence[scene.tile_index][:, None], scene.surface_glow], axis=1)
+                               scene.of_tiles("translucent")[scene.tile_index][:, None], scene.surface_glow], axis=1)
     density = patch_density(scene.triangles.mean(axis=1), emitters, scene.is_light)
     element, largest = group_elements(corners, token, density)
     vector = _sums(area_vectors(corners), element)
@@ -151,16 +151,16 @@ def _sums(values: np.ndarray, group: np.ndarray) -> np.ndarray:
     return np.stack([np.bincount(group, column) for column in values.T], axis=1).astype(np.float32)
 
 
-def _solid_means(scene: RenderScene) -> tuple[np.ndarray, np.ndarray]:
-    """(T, 11) mean parameters of tiles, and (T,) how translucent they are; where light passes straight, of the rest."""
-    means, translucence = scene.tiles.mean(axis=(2, 3), dtype=np.float32), scene.of_tiles("translucent")
+def _solid_means(scene: RenderScene) -> np.ndarray:
+    """(T, 11) mean parameters of tiles; where light passes straight, of the rest."""
+    means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
     clear = clear_tiles(scene)
     is_clear = clear.any(axis=1)
     rest = (1 - clear.mean(axis=1)).clip(LEAST_SOLID)
     base = ((means[:, BASE_COLOR] - clear) / rest[:, None]).clip(0, 1)
     means[:, BASE_COLOR] = np.where(is_clear[:, None], base, means[:, BASE_COLOR])
     means[:, TRANSMISSION] = np.where(is_clear, 0, means[:, TRANSMISSION])
-    return means, np.where(is_clear, (translucence / rest).clip(0, 1), translucence)
+    return means
 
 
 def tile_albedo(means: np.ndarray, single: np.ndarray) -> np.ndarray:

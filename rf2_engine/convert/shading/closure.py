@@ -132,12 +132,13 @@ def parameters(closure: Closure) -> SurfaceParameters:
     ior, transmission = mean(closure.ior, closure.weight, 1.0), mean(closure.transmission, closure.lobe, 0.0)
     (sheen, sheen_roughness), (coat, of_coat) = np.split(closure.sheen, [3], -1), np.split(closure.coat, [1], -1)
     is_glass = (transmission > TRANSPARENT) & (closure.clear.mean(axis=-1, keepdims=True) < TRANSPARENT)
+    diffuse = closure.lobe - closure.metallic - closure.transmission
     return SurfaceParameters(
         base_color=np.clip(closure.color, 0, BRIGHTEST).astype(np.float32),
         metallic=mean(closure.metallic, closure.lobe, 0.0), roughness=mean(closure.roughness, closure.gloss, 1.0),
         ior=np.where(is_glass, ior.clip(GLASS_IOR), ior) if is_glass.any() else ior, transmission=transmission,
         normal=mean(closure.normal, closure.weight, UP), emission=np.maximum(closure.emission, 0).astype(np.float32),
-        clear=closure.clear, translucent=mean(closure.translucent, closure.lobe, 0.0),
+        clear=closure.clear, translucent=mean(closure.translucent, diffuse, 0.0).clip(0, 1),
         fibre=mean(closure.fibre, closure.lobe, 0.0), holdout=closure.holdout,
         sheen=joined(sheen, mean(sheen_roughness, sheen @ LUMINANCE[:, None], 0.0)),
         coat=joined(coat, mean(of_coat, coat, 0.0)), guessed=mean(closure.guessed, closure.lobe, 0.0),

@@ -45,6 +45,7 @@ CHUNK = 256                  # triangles evaluated at once
 BAKED_CHUNK = 1024           # and where some may be baked, for which Cycles reads the whole scene each time
 EMITTER_RADIANCE = 1.0       # from here on the own light of a surface outshines what it reflects
 DARK_FRACTION = 0.01         # of an emission texture: darker triangles do not shine if all are as small a share of it
+LEAST_SOLID = 1e-3           # share of a cell that counts, at least: the mean of what is clear everywhere is not 0 / 0
 CLEAR = 0.95                 # a triangle that lets more light straight through than this is left out
 UNEVEN = 0.05                # of the mean emission of a triangle: it is a picture where it differs by more
 MOST_PICTURES = 256          # triangles of a mesh with one; a finer mesh shows it by its triangles
@@ -135,7 +136,8 @@ class MaterialTiles:
                 lobes = two_lobes(material, points)
             emission[part] = self.report.finite(material.name, "its emission", mean_over_triangle(surface.emission))
             tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
-            each = [mean_over_triangle(getattr(surface, name)) for name in BESIDE.parts]
+            each = [mean_over_triangle(surface.clear) if name == "clear" else mean_of_solid(
+                getattr(surface, name), surface.clear) for name in BESIDE.parts]
             beside = np.atleast_2d(self.report.finite(material.name, "its transparency", joined(*each)))
             straight = beside[:, BESIDE["clear"]]
             own = None if lobes is None else lobe_arrays(lobes, len(tiles))
@@ -382,3 +384,11 @@ def mean_over_triangle(values: np.ndarray) -> np.ndarray:
     if values.shape[1:3] == (1, 1):
         return values[:, 0, 0]
     return values[:, INSIDE].mean(axis=1)
+
+
+def mean_of_solid(values: np.ndarray, clear: np.ndarray) -> np.ndarray:
+    """The same of a surface of which a share, values (3,) or (m, 32, 32, 3), is `clear`: by how much of it is there."""
+    if values.ndim == 1 or clear.ndim == 1:
+        return mean_over_triangle(values)
+    solid = (1 - clear.mean(axis=-1, keepdims=True)).clip(LEAST_SOLID)
+    return mean_over_triangle(values * solid) / mean_over_triangle(solid)

@@ -370,3 +370,22 @@ def test_tiles_say_what_coat_and_sheen_are():
     np.testing.assert_allclose(tiles.beside["coat"][index[0]], (0.8, 0.04, 0.1, share), atol=1e-3)
     roughness = tiles.tiles[index[0], ROUGHNESS, 0, 0]
     assert (float(roughness) - share * 0.1) / (1 - share) == pytest.approx(0.5, abs=2e-3)
+
+
+@pytest.mark.parametrize("cut", [None, 0.5, "ShaderNodeTexChecker"])
+def test_holes_leave_what_is_there_as_translucent_as_it_is(cut):
+    made, tree, mix = material("ShaderNodeMixShader", Fac=0.25)
+    for node, input in zip(("ShaderNodeBsdfDiffuse", "ShaderNodeBsdfTranslucent"), mix.inputs[1:], strict=True):
+        tree.links.new(tree.nodes.new(node).outputs[0], input)
+    if cut:
+        holes = tree.nodes.new("ShaderNodeMixShader")
+        holes.inputs["Fac"].default_value = 0.5
+        if cut != 0.5:
+            tree.links.new(tree.nodes.new(cut).outputs["Fac"], holes.inputs["Fac"])
+        tree.links.new(tree.nodes.new("ShaderNodeBsdfTransparent").outputs[0], holes.inputs[1])
+        tree.links.new(mix.outputs[0], holes.inputs[2])
+        tree.links.new(holes.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    tiles = MaterialTiles(Report())
+    index, _ = tiles.triangle_tiles(copied(made), triangles(1))
+    assert tiles.beside["translucent"][index] == pytest.approx(0.25, abs=1e-3)
+    assert cut is None or tiles.beside["clear"][index].mean() == pytest.approx(0.5, abs=0.05)
