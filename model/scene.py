@@ -493,15 +493,21 @@ def constant_tile(base_color=(0.8, 0.8, 0.8), metallic=0.0, roughness=1.0, ior=1
     return tile
 
 
+def tile_means(tiles: np.ndarray) -> np.ndarray:
+    """(T, C) f32 means of tiles (T, C, 32, 32) over their triangle, beyond which they go on."""
+    row = np.arange(TILE_SIZE)
+    return tiles.mean(axis=(2, 3), dtype=np.float32, where=np.add.outer(row, row) < TILE_SIZE)
+
+
 def passing(tiles: np.ndarray) -> np.ndarray:
     """(T,) f32 mean share of light that passes tiles (T, 11, 32, 32), straight or not, whatever their colour."""
-    transmission, metallic = tiles[:, (TRANSMISSION, METALLIC)].mean(axis=(2, 3), dtype=np.float32).T
+    transmission, metallic = tile_means(tiles[:, (TRANSMISSION, METALLIC)]).T
     return (1 - metallic) * transmission
 
 
 def tile_tints(tiles: np.ndarray) -> np.ndarray:
     """(T, 3) f32 the same of each colour."""
-    return passing(tiles)[:, None] * tint_of_glass(tiles[:, BASE_COLOR].mean(axis=(2, 3), dtype=np.float32))
+    return passing(tiles)[:, None] * tint_of_glass(tile_means(tiles[:, BASE_COLOR]))
 
 
 def tint_of_glass(base_color: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ...geometry import area_vectors, unit
 from ...progress import part
-from ...scene import IOR, ROUGHNESS, RenderScene, tile_tints
+from ...scene import IOR, ROUGHNESS, RenderScene, tile_means, tile_tints
 from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, Ray
 from ..cutouts import GAP
@@ -129,7 +129,7 @@ def token_transmittances(scene: RenderScene) -> np.ndarray:
 
     Where it is entered, left without having been entered, and left after that.
     """
-    means = scene.tiles[:, (IOR, ROUGHNESS)].mean(axis=(2, 3), dtype=np.float32)
+    means = tile_means(scene.tiles[:, (IOR, ROUGHNESS)])
     into, out, through = (_interpolated(table, *means.T) for table in (INTO, OUT, THROUGH))
     return np.stack([into, out, through / into], axis=1)[scene.tile_index]
 

@@ -16,7 +16,7 @@ from torch.nn import functional as F
 from ...clusters import groups_of
 from ...geometry import area_vectors, surfaces
 from ...material.reflectance import blurred, normal_reflectance
-from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
+from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tile_means
 from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, BOUNCED, REFLECTING, SOLID, STRAIGHT_THROUGH, Kind, clear_tiles, is_kind
 from ..direct.emitter_light import NearEmitters
@@ -153,13 +153,15 @@ def _sums(values: np.ndarray, group: np.ndarray) -> np.ndarray:
 
 def _solid_means(scene: RenderScene) -> np.ndarray:
     """(T, 11) mean parameters of tiles; where light passes straight, of the rest."""
-    means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
+    means = tile_means(scene.tiles)
     clear = clear_tiles(scene)
-    is_clear = clear.any(axis=1)
-    rest = (1 - clear.mean(axis=1)).clip(LEAST_SOLID)
-    base = ((means[:, BASE_COLOR] - clear) / rest[:, None]).clip(0, 1)
-    means[:, BASE_COLOR] = np.where(is_clear[:, None], base, means[:, BASE_COLOR])
-    means[:, TRANSMISSION] = np.where(is_clear, 0, means[:, TRANSMISSION])
+    is_clear, share = clear.any(axis=1), clear.mean(axis=1)
+    means[:, BASE_COLOR] -= clear
+    means[:, IOR] -= share  # which is 1 where nothing bends
+    means[is_clear] /= (1 - share[is_clear, None]).clip(LEAST_SOLID)
+    for shares in (BASE_COLOR, METALLIC, ROUGHNESS):
+        means[is_clear, shares] = means[is_clear, shares].clip(0, 1)
+    means[is_clear, TRANSMISSION] = 0
     return means
 
 

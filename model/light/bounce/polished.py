@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ...scene import BASE_COLOR, METALLIC, ROUGHNESS, RenderScene
+from ...scene import BASE_COLOR, METALLIC, ROUGHNESS, RenderScene, tile_means
 from ...shading import surface
 from ...surface_kinds import Ray
 from ..direct.direct_light import DirectLight
@@ -52,7 +52,7 @@ class PolishedMetal:
     @classmethod
     def of(cls, scene: RenderScene, surfaces: TensorRays, direct: DirectLight) -> PolishedMetal | None:
         """None where there is none."""
-        metallic, roughness = scene.tiles[:, (METALLIC, ROUGHNESS)].mean(axis=(2, 3), dtype=np.float32).T
+        metallic, roughness = tile_means(scene.tiles[:, (METALLIC, ROUGHNESS)]).T
         is_polished = ((metallic > PURE) & (roughness < SMOOTH))[scene.tile_index] & ~scene.is_light
         return cls(scene, surfaces, direct, is_polished) if is_polished.any() else None
 

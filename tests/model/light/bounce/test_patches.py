@@ -11,7 +11,7 @@ from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.direct.emitter_light import NearEmitters
 from renderformer_v2.model.light.fresnel import layer_albedo
 from renderformer_v2.model.material.reflectance import BLURRED
-from renderformer_v2.model.scene import BASE_COLOR, IOR, ROUGHNESS, RenderScene
+from renderformer_v2.model.scene import BASE_COLOR, IOR, ROUGHNESS, TILE_SIZE, TRANSMISSION, RenderScene
 from tests.model.samples import closed_box, flat, floor_scene, walls, with_black_lamps
 
 NO_EMITTERS = NearEmitters(np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
@@ -120,3 +120,23 @@ def test_long_triangles_are_divided_sooner_than_others_of_their_area():
     sizes = [patches._apparent_size(0.01 * x, NO_EMITTERS, np.zeros(1, bool))[0] for x in (regular, long)]
     assert sizes[1] == pytest.approx(100 ** 0.25 * sizes[0], rel=0.01)
     assert patches._apparent_size(np.zeros((1, 3, 3), np.float32), NO_EMITTERS, np.zeros(1, bool))[0] == 0
+
+
+def test_patches_have_the_colour_of_their_triangles_and_not_of_what_lies_beyond_these():
+    scene, row = with_black_lamps(floor_scene()), np.arange(TILE_SIZE)
+    whole = patches_of(scene).albedo
+    scene.tiles[:, BASE_COLOR, np.add.outer(row, row) >= TILE_SIZE] = 0
+    torch.testing.assert_close(patches_of(scene).albedo, whole, atol=2e-4, rtol=0)
+
+
+def test_holes_leave_the_patches_of_what_is_there_as_they_are():
+    scene = with_black_lamps(floor_scene())
+    whole, row = patches_of(scene), np.arange(TILE_SIZE)
+    is_hole = np.add.outer(row, row) % 2 == 1
+    for channel, value in ((BASE_COLOR, 1), (TRANSMISSION, 1), (IOR, 1), (ROUGHNESS, 0)):
+        scene.tiles[:, channel, is_hole] = value
+    in_triangle = is_hole[np.add.outer(row, row) < TILE_SIZE]
+    scene.clear = np.full((len(scene.tiles), 3), in_triangle.mean(), np.float32)
+    cut = patches_of(scene)
+    torch.testing.assert_close(cut.albedo, whole.albedo, atol=1e-3, rtol=0)
+    torch.testing.assert_close(cut.layer, whole.layer, atol=2e-3, rtol=0)
