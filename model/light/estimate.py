@@ -132,7 +132,7 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     common = _materials(surfaces) | {"is_traced": dark.new_full((1,), float(is_traced)), "has_rays": dark.new_ones(1)}
 
     def surface_light(bounced: Tensor, glossy: Tensor, kind: str, **other: Tensor) -> SurfaceLight:
-        fields = {"bounced": bounced, "behind": behind[kind], "glow": glow, "traced": dark,
+        fields = {"bounced": bounced, "behind": behind[kind] * surfaces.is_glass, "glow": glow, "traced": dark,
                   "reflected": glossy * surfaces.is_toward,
                   "refracted": refracted.get(kind, dark)} | other
         return SurfaceLight(direct=_stack(lobes), **common, **{k: _channels_first(x) for k, x in fields.items()})

@@ -35,6 +35,15 @@ def test_light_behind_a_surface_is_gathered_where_it_lets_light_through():
     assert found.behind[0, :, 32, 32].min() > 0.009 > 10 * found.bounced[0, :, 32, 32].max()
 
 
+def test_what_a_translucent_sheet_lets_straight_through_is_not_light_of_its_back():
+    scene, (view, guides) = floor_scene(), floor_view()
+    scene.translucent = np.full(len(scene.tiles), 0.5, np.float32)
+    guides.position = guides.position + np.float32((0, 0, 0.5)) * (guides.alpha[..., None] > 0)
+    guides.transmission_color, guides.straight = guides.diffuse_color, guides.alpha > 0
+    found = estimate_light(scene_light(scene), view, guides)
+    assert found.bounced[0, :, 32, 32].min() > 0.001 and not found.behind.any()  # the floor lights it from below
+
+
 def test_glass_smooth_or_rough_shows_lamps_and_sky_where_its_paths_end():
     scene, (view, guides) = floor_scene(), floor_view()
     guides.transmission_color = guides.diffuse_color
