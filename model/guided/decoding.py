@@ -60,7 +60,16 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     believed = {name: torch.lerp(x, getattr(light, name), trust if x.ndim == 4 else trust[:, None]).clamp_min(0)
                 for name, x in corrected.items()}
     light = replace(light, **believed)
-    return replace(light, traced=torch.lerp(light.traced, light.estimate(), share).clamp_min(0) * (1 - untraced))
+    return replace(light, traced=_mixed(light.traced, light.estimate(), share) * (1 - untraced))
+
+
+def _mixed(traced: Tensor, estimate: Tensor, share: Tensor) -> Tensor:
+    """Light (V, 3, H, W) with a share (V, 1, H, W) of the estimate.
+
+    A share below 0 leads away from the estimate, by no more than all of traced light: where Clamp Indirect has cut
+    that, such as a flame behind glass, an estimate that is many times as bright would make it black.
+    """
+    return torch.lerp(traced, torch.where(share < 0, torch.minimum(estimate, 2 * traced), estimate), share).clamp_min(0)
 
 
 def _by_lobe(raw: Tensor, light: SurfaceLight) -> Tensor:

@@ -154,6 +154,15 @@ def test_where_light_was_traced_nothing_but_the_share_of_the_estimate_counts():
         assert torch.equal(getattr(believed, name), values), name
 
 
+def test_a_far_brighter_estimate_makes_no_traced_light_black():
+    """Clamp Indirect cuts lamps behind glass."""
+    view = inputs(is_traced=True)
+    raw, lit = outputs(view, share=-0.1), view.light.traced > 0
+    brighter = replace(view.light, direct=view.light.direct + 100 * view.light.traced[:, None])
+    corrected = corrected_light(raw, replace(view, light=brighter)).traced
+    assert lit.any() and (corrected[lit] > 0.8 * view.light.traced[lit]).all()
+
+
 def test_the_estimate_by_rays_is_trusted_without_what_pixels_change():
     view = inputs()
     changes = {"direct": 0.7, "indirect": -0.5, "missing": 1.0}
