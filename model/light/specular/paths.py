@@ -159,7 +159,13 @@ def _scattered(scene: RenderScene, cast: Cast, paths: Paths, hits: Hits, sheets:
     if sheets is not None:
         clear = sheets.clear[scene.tile_index[scene.surfaces.token[triangle]]]
         passes, on_sheet = _passes_sheets(clear, paths.start, number + 1)
+        # Straight paths show no sky: to end by chance at the last sheet before it, or not, would be mere noise.
+        is_last_sheet = on_sheet & paths.is_straight
+        behind = point + LIFT * reach[:, None] * direction
+        is_last_sheet[is_last_sheet] = sheets.seen(behind[is_last_sheet], direction[is_last_sheet])[0] < 0
+        passes &= ~is_last_sheet
         tint[on_sheet] = arrived[on_sheet] * _seen_of_sheets(texel, clear, passes)[on_sheet]
+        tint[is_last_sheet] *= 1 - clear[is_last_sheet].mean(axis=1, keepdims=True)
         bends, matte = bends & ~on_sheet, np.where(on_sheet, 1, matte)
         paths.is_straight = paths.is_straight & passes
     tint[leaves] *= passed_plates(*(x[leaves] for x in (paths.entry, normal, direction, texel[:, IOR])))[:, None]

@@ -85,6 +85,17 @@ def test_the_sky_behind_a_sheet_has_its_share_whatever_samples_found():
     assert not add_path_ends(after, scene, view).refracted_light.any()  # the environment shows it already
 
 
+def test_a_second_sheet_before_the_sky_is_seen_by_its_share_and_not_by_chance():
+    scene = sheet().appended(sheet(z=0.9))
+    scene.environment = np.ones((8, 16, 3), np.float32)
+    view, _, guides = seen(scene)
+    ends = add_path_ends(guides, scene, view)
+    around = np.s_[INSIDE[0] - 2:INSIDE[0] + 3, INSIDE[1] - 3:INSIDE[1] + 2]
+    assert guides.straight[around].all()
+    colors = ends.refracted_color[around].astype(np.float32)
+    np.testing.assert_allclose(colors, np.broadcast_to((1 - CLEAR) * YELLOW, colors.shape), rtol=0.05)
+
+
 def test_cut_out_shapes_and_fog_change_nothing():
     cut_out = sheet_tile()
     cut_out[TRANSMISSION, :16] = 0
