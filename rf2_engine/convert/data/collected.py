@@ -29,6 +29,7 @@ class Part:
     lit_groups: int = ALL_GROUPS                               # of surfaces, bits, if it shines
     blockers: int = ALL_GROUPS                                 # of surfaces that stop its light
     token: np.ndarray | None = None                            # (n,) i32 triangle of `mesh` for each one of `real`
+    piece_gain: np.ndarray | None = None                       # as flux_gain, of each triangle, beside that of all
 
     @property
     def matrices(self) -> list[np.ndarray]:

@@ -144,3 +144,20 @@ def test_rays_meet_curved_faces_whole_that_are_divided_into_tokens(converted, sm
     assert len(scene) > 200
     assert len(scene.surfaces.triangles) == (28 if smooth else len(scene))
     assert len(np.unique(scene.surfaces.token)) == len(scene.surfaces.triangles)
+
+
+def test_pieces_of_a_simplified_mesh_shine_as_much_as_what_they_stand_for(converted, add_material):
+    """Simplifying takes area from thin pieces, such as letters, and not from thick ones beside them."""
+    thick = ball((-1.5, 0, 0))
+    bpy.ops.mesh.primitive_torus_add(location=(1.5, 0, 0), minor_radius=0.05, major_segments=96, minor_segments=24)
+    thick.select_set(True)
+    bpy.context.view_layer.objects.active = thick
+    bpy.ops.object.join()
+    thick.data.materials.append(add_material("Glowing", (0, 0, 0), emission=20.0))
+    real = {side: meshes.areas(whole.triangles)[side * whole.triangles[:, 0, 0] > 0].sum()
+            for whole in [converted()] for side in (-1, 1)}
+    scene = converted(token_budget=300)
+    assert len(scene) <= 300
+    power = scene.emission[:, 0] * meshes.areas(scene.triangles)
+    for side, area in real.items():
+        assert power[side * scene.triangles[:, 0, 0] > 0].sum() == pytest.approx(20 * area, rel=0.03)
