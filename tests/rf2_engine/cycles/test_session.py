@@ -229,7 +229,8 @@ def test_metal_that_a_glowing_strip_lies_on_shines_as_in_cycles(scene, tmp_path)
 
 
 @pytest.mark.parametrize("chosen", ["TRACED", "NETWORK"])
-def test_a_surface_whose_normal_is_no_number_is_black_as_in_cycles(scene, tmp_path, chosen):
+def test_a_surface_whose_normal_is_no_number_looks_as_in_cycles(scene, tmp_path, chosen):
+    """Black; from Blender 5.0 on a Normal Map of this colour leaves normals as they are."""
     of = material("Normal of 0")
     tree = of.node_tree
     zero = tree.nodes.new("ShaderNodeNormalMap")
@@ -241,4 +242,5 @@ def test_a_surface_whose_normal_is_no_number_is_black_as_in_cycles(scene, tmp_pa
     reference.use, reference.samples = True, 16
     rendered = press_f12(scene, tmp_path)
     ours, cycles = (rendered[f"ViewLayer.{name}"][16, 16, :3] for name in ("Combined", "Cycles Reference"))
-    assert ours.max() == cycles.max() == 0
+    assert cycles.max() == 0 or bpy.app.version >= (5, 0, 0)
+    np.testing.assert_allclose(ours, cycles, atol=0.005 * (cycles.max() > 0))
