@@ -495,8 +495,7 @@ def constant_tile(base_color=(0.8, 0.8, 0.8), metallic=0.0, roughness=1.0, ior=1
 
 def tile_means(tiles: np.ndarray) -> np.ndarray:
     """(T, C) f32 means of tiles (T, C, 32, 32) over their triangle, beyond which they go on."""
-    row = np.arange(TILE_SIZE)
-    return tiles.mean(axis=(2, 3), dtype=np.float32, where=np.add.outer(row, row) < TILE_SIZE)
+    return tiles.mean(axis=(2, 3), dtype=np.float32, where=cells_inside())
 
 
 def passing(tiles: np.ndarray) -> np.ndarray:
@@ -513,6 +512,11 @@ def tile_tints(tiles: np.ndarray) -> np.ndarray:
 def tint_of_glass(base_color: np.ndarray) -> np.ndarray:
     """(..., 3) share of light that a surface of glass with this Base Color lets through: two are the colour."""
     return np.sqrt(base_color)
+
+
+def cells_inside(size: int = TILE_SIZE) -> np.ndarray:
+    """(size, size) bool: cells of a tile that are in its triangle."""
+    return np.add.outer(np.arange(size), np.arange(size)) < size
 
 
 def texels(weights: np.ndarray, size: int = TILE_SIZE) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...geometry import area_vectors, surfaces, unit
-from ...scene import EMISSION_SIZE, RenderScene, barycentric_grid
+from ...scene import EMISSION_SIZE, RenderScene, barycentric_grid, cells_inside
 from .outlines import convex_outline, cut, outline_vectors
 
 CELLS = 32   # emitters that the pictures of a scene become, at most,
@@ -15,7 +15,7 @@ FEWEST = 4   # and each of them at least: no more pictures than that are cut, th
 UNEVEN = 8   # triangles of unequal radiance from which on a flat mesh is a picture
 FINE = 128   # triangles of a picture, of more of which each shines evenly
 GRID = barycentric_grid(EMISSION_SIZE)
-INSIDE = GRID[..., 2] > -1e-6  # texels of a tile in its triangle
+INSIDE = cells_inside(EMISSION_SIZE)
 
 
 @dataclass

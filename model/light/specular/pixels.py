@@ -29,9 +29,9 @@ from .paths import BLURRED
 LEAST_SHARE = 1e-3  # of a lobe, that meets surfaces, from which on their image is all that it shows
 RAYS = 4           # to each emitter from a mirrored point
 FINE = 0.03, 0.08  # roughness up to which one path finds the highlights in a mirror, and from which rays of the lobe do
+# Lobes of what paths meet, as of Guides
 MIRRORED = "mirrored", "layer", "reflected_gloss"
 LEAVING, BEHIND = ("exit", "inner"), "refracted_gloss"
-LOBES = *MIRRORED, *LEAVING, BEHIND  # of what paths meet, as of Guides
 Gather = Callable[[HitSurfaces], GlossyPixels]  # what white glossy lobes of surfaces show
 PathEndLight = Callable[[str, Guides], tuple[dict[str, Tensor], Tensor]]  # `path_end_light`, of a lobe
 
@@ -148,7 +148,7 @@ class SeenLobe(NamedTuple):
 
 
 def _seen_lobes(guides: Guides, surfaces: HitSurfaces, names: Iterable[str]) -> dict[str, SeenLobe]:
-    """Those of LOBES that what is met by paths from `surfaces` has."""
+    """Those that what is met by paths from `surfaces` has."""
     return {name: _seen_lobe(guides, surfaces, name) for name in names if getattr(guides, f"{name}_color") is not None}
 
 

@@ -23,13 +23,12 @@ class Part:
     is_shown: bool                                             # to the camera
     instances: list[Instance] = field(default_factory=list)
     is_textured: bool = False                                  # materials vary across triangles
-    flux_gain: float = 1.0                                     # for emitting area lost to simplification; 0: dark
+    flux_gain: float | np.ndarray = 1.0                        # for area lost to simplification, or (n,); 0: dark
     real: TriangleMesh | None = None                           # the mesh before it was simplified or divided
     hidden: int = 0                                            # rays that do not meet it, a set of Ray
     lit_groups: int = ALL_GROUPS                               # of surfaces, bits, if it shines
     blockers: int = ALL_GROUPS                                 # of surfaces that stop its light
     token: np.ndarray | None = None                            # (n,) i32 triangle of `mesh` for each one of `real`
-    piece_gain: np.ndarray | None = None                       # as flux_gain, of each triangle, beside that of all
 
     @property
     def matrices(self) -> list[np.ndarray]:

@@ -33,7 +33,7 @@ def match_tokens(parts: list[Part], report, cache: ConversionCache | None = None
                 part.real, part.token = cache.get(
                     key, lambda _, part=part: represent(part.real, part.mesh, part.is_textured), report)
         if part.emits and len(part.mesh) < len(part.real):
-            part.piece_gain = _piece_gain(part)
+            part.flux_gain = np.float32(part.flux_gain) * _piece_gain(part)
 
 
 def _piece_gain(part: Part) -> np.ndarray:

@@ -22,6 +22,7 @@ from ....model.scene import (
     TILE_SIZE,
     TRANSMISSION,
     TWO_LOBES,
+    cells_inside,
     constant_tile,
 )
 from ....model.surface_kinds import Ray
@@ -52,8 +53,7 @@ MOST_PICTURES = 256          # triangles of a mesh with one; a finer mesh shows 
 ONE_TRIANGLE = TriangleMesh(np.eye(3, dtype=np.float32)[None], np.full((1, 3, 3), 3 ** -0.5, np.float32), {}, None, {},
                             None, np.zeros(1, np.int32), np.float32([(0, 0, 0), (1, 1, 1)]))
 BRIGHTEST = 6e4              # that half floats hold
-INSIDE, INSIDE_FINE = (np.add.outer(np.arange(size), np.arange(size)) < size  # cells of a grid in the triangle
-                       for size in (TILE_SIZE, EMISSION_SIZE))
+INSIDE, INSIDE_FINE = cells_inside(), cells_inside(EMISSION_SIZE)
 QUARTERS = np.float32([  # weights of corners at those of the quarters of a triangle, so that their texels are its own
     [(2, 0, 0), (1, 1, 0), (1, 0, 1)], [(1, 1, 0), (0, 2, 0), (0, 1, 1)], [(1, 0, 1), (0, 1, 1), (0, 0, 2)],
     [(0, 1, 1), (1, 0, 1), (1, 1, 0)]]) / 2

@@ -138,9 +138,6 @@ def _materials(part: Part, instance: Instance, materials: MaterialTiles, shared:
                 shared[slot, materials.sharing(material, instance)] = shaded
             for whole, values in zip(looks, shaded, strict=True):
                 whole[rows] = values
-    gain = np.float32(part.flux_gain)
-    if part.piece_gain is not None:
-        gain = gain * part.piece_gain[:, None]
-    return looks._replace(emission=looks.emission * gain,
+    return looks._replace(emission=looks.emission * np.reshape(part.flux_gain, (-1, 1)).astype(np.float32),
                           hidden=looks.hidden | np.uint8(part.hidden),
                           is_holdout=looks.is_holdout | instance.is_holdout)
