@@ -17,6 +17,7 @@ class Effort:
     closer: int = 2          # factor on the density of probes where those around are unreliable
     smoothings: int = 3      # filters of light that rays have estimated, at most
     patches: float = 1.0     # share of the patches of a finished picture
+    photon_grids: int = 3    # in which light through glass is looked up, the coarsest ones, at most
     walls: bool = True       # whether patches and probes are separated by walls
     network: bool = True     # whether the transformer corrects the light
     edges: bool = True       # whether pixels at edges get the light of all their surfaces
@@ -38,4 +39,5 @@ class Effort:
 FULL = Effort()
 QUICK = Effort(rays=1 / 3, probe_rays=2 / 3, most_more=1.0, shadow_grid=2, probe_grid=4, closer=1, smoothings=1,
                walls=False, network=False, edges=False)
-DRAFT = Effort(rays=1 / 6, patches=1 / 6, walls=False)  # of light between surfaces, until the network is done
+# Of light between surfaces, while pictures are coarse.
+DRAFT = Effort(rays=1 / 6, patches=1 / 6, photon_grids=2, walls=False)

@@ -108,6 +108,11 @@ def prepare_scene(copied: CopiedScene, state: State, view: View, settings: Viewp
     return PreparedScene(state, settings, scene, framing, encoded, content, hit_materials, negative)
 
 
+def is_quick(divisor: int, settings: ViewportSettings) -> bool:
+    """Whether pictures of this level are coarse ones that finer ones soon replace."""
+    return divisor >= COARSE and divisor != settings.finest
+
+
 def finish_draft(draft: PreparedScene) -> PreparedScene:
     """The scene of a draft with all of its light."""
     with progress.part(0.0, 1.0, "Bouncing light"):
@@ -121,9 +126,8 @@ def render_picture(prepared: PreparedScene, view: View, settings: ViewportSettin
     divisor: the picture's level. At the finest one several rays pass through each pixel, against jagged edges. Coarse
     pictures, which others soon replace, have fewer rays of light, and materials as tiles show them.
     """
-    is_finest, frame = divisor == settings.finest, settings.frame
-    is_quick = divisor >= COARSE and not is_finest
-    materials = prepared.hit_materials if frame.network.has_lobes and not is_quick else None
+    is_finest, is_coarse, frame = divisor == settings.finest, is_quick(divisor, settings), settings.frame
+    materials = prepared.hit_materials if frame.network.has_lobes and not is_coarse else None
     with progress.part(0.0, 0.1, "Finding surfaces"):
         guides = cast_guides(prepared.scene, view, SPREAD if is_finest else CENTER, materials)
     if frame.follows_specular_paths:
@@ -133,7 +137,7 @@ def render_picture(prepared: PreparedScene, view: View, settings: ViewportSettin
     radiance = np.zeros_like(guides.position)
     if prepared.encoded is not None and (covered.any() or prepared.scene.volumes):
         with progress.part(0.2, 1.0, "Lighting the picture"):
-            effort = QUICK if is_quick else FULL
+            effort = QUICK if is_coarse else FULL
             radiance = prepared.encoded.view(view, guides, effort)
             if prepared.negative is not None:
                 taken = prepared.negative.light(view, guides, frame.follows_specular_paths, effort=effort)

@@ -19,7 +19,15 @@ from ..convert.sketch import PIXELS, Sketch
 from ..runtime import failure, model_cache
 from ..runtime.worker import Stopped
 from . import levels
-from .pictures import PreparedScene, ViewportSettings, finish_draft, needs_refit, prepare_scene, render_picture
+from .pictures import (
+    PreparedScene,
+    ViewportSettings,
+    finish_draft,
+    is_quick,
+    needs_refit,
+    prepare_scene,
+    render_picture,
+)
 from .region_view import RegionView
 from .source import State
 
@@ -252,7 +260,8 @@ class Session:
         divisors, seconds = levels.divisors(request.settings.finest), self._measured_seconds(request)
         if self._last_drawn is None or not self._last_drawn[0].looks_like(request):
             return levels.first(divisors, seconds, self._is_dragged)
-        if self._scene.is_draft:
-            return NETWORK
         last = self._last_drawn[1]
-        return levels.following(divisors, last, seconds[last], request.settings.time_limit, seconds)
+        following = levels.following(divisors, last, seconds[last], request.settings.time_limit, seconds)
+        if self._scene.is_draft and not (following and is_quick(following, request.settings)):
+            return NETWORK
+        return following

@@ -33,7 +33,7 @@ from .bright_patches import importance_by_arrival, importance_by_power
 from .final_gather import Gathered, GatherScene
 from .openness import Openness
 from .patch_lobes import PatchLobes
-from .patches import PATCHES, STEEP, make_patches
+from .patches import PATCHES, STEEP, Patches, make_patches
 
 PATCH_RAYS = 16   # from each side of a patch
 PATCH_AIMED = 8   # rays more towards bright patches
@@ -70,14 +70,10 @@ class Radiosity:
     """Radiance that leaves the patches of a normalised scene after all bounces, in the units of its DirectLight."""
 
     def __init__(self, scene: RenderScene, direct: DirectLight, effort: Effort = FULL):
-        emitters = direct.emitters.near()
-        openness = None
-        if effort.walls:
-            openness = Openness(scene, direct.occluders, direct.device)
-        share = min(SHADOW_RAYS / (2 * PATCHES * max(len(emitters.power_share), 1)), effort.patches)
-        patches = make_patches(scene, emitters, share, openness)
-        with part(0.0, 0.2):
-            self.gather_scene = GatherScene(scene, patches, direct)
+        with part(0.0, 0.3):
+            (patches, self.gather_scene), (photons, self.caustics) = shared(
+                lambda make: make(), (partial(_make_patches, scene, direct, effort),
+                                      partial(_trace_caustics, scene, direct, effort)), device=direct.device)
         # All fronts, then all backs, here and below.
         points, normals, shading, up = patches.points()
         x, normals, n, up = (torch.cat(sides).to(direct.device) for sides in (
@@ -94,11 +90,8 @@ class Radiosity:
         size = patches.weight.repeat(2).to(direct.device)
         self._most = Bounces.of(scene)
         group = torch.from_numpy(patches.group).repeat(2)
-        with part(0.2, 0.4):
+        with part(0.3, 0.5):
             lights = self._light_by_bounces(direct, x, n, (normals, up), f0, roughness, group, effort.of(SKY_RAYS))
-        with part(0.4, 0.5):
-            self.caustics, caustic_light = self._trace_caustics(
-                scene, direct.reaching(bounces=lambda bounces: bounces >= THROUGH_GLASS), area, effort.of(PHOTONS))
         firsts, glossy_firsts = {}, {}  # (sides, 3), the latter a part of the former
         for most, (white, slanting, _) in lights.items():
             glossy_firsts[most] = STEEP * metal * white + layer * slanting
@@ -108,11 +101,11 @@ class Radiosity:
         self.gather_scene.aim(importance_by_power(sum(firsts.values()) + glow, size))
         if (metal + layer).any():
             self.gather_scene.spread(_lobes(lights, metal, layer, of_layer, normals))
-        with part(0.6, 1.0):
+        with part(0.5, 1.0):
             gathered = self._exchanged(x, n, normals, effort)
             fire = self._with_glow(gathered.fire, gathered)
         glossy = metal + layer
-        through = (diffuse + glossy) * lit(gathered.through() + caustic_light)
+        through = (diffuse + glossy) * lit(gathered.through() + self._of_photons(photons, area))
         # (sides, 3) radiance that leaves all sides of patches, and what of it has bounced diffusely, or through glass
         self.leaving = self.bounced_before = self._of_lobes = torch.zeros_like(through)
         for most in firsts:
@@ -154,21 +147,13 @@ class Radiosity:
                     of_all[rows] = of_rows
         return lights
 
-    def _trace_caustics(self, scene: RenderScene, direct: DirectLight, area: Tensor,
-                        count: int) -> tuple[PhotonMap, Tensor]:
-        """The photons that glass sends to surfaces, of `count` from emitters.
-
-        And the radiance (sides, 3) that white diffuse patches of an `area` (S,) send on by them.
-        """
+    def _of_photons(self, photons: Photons | None, area: Tensor) -> Tensor:
+        """(sides, 3) radiance that white diffuse patches of an `area` (S,) send on by photons."""
         flux = area.new_zeros(2 * len(area) + 1, 3)
-        is_bent = scene.has_caustics["refractive"] and len(scene_rays(scene).rows(BENDING, Ray.DIFFUSE))
-        if not is_bent or not len(direct.emitters):
-            return PhotonMap.empty(area), flux[:-1]
-        photons = Photons(*(torch.from_numpy(x).to(area.device) for x in trace_photons(scene, direct, count)))
-        side = self.gather_scene.hit_sides(photons.triangle, photons.weights, photons.direction)
-        flux.index_add_(0, side, photons.flux)
-        return (PhotonMap(photons.position, photons.normal, photons.flux, lit_surfaces(scene)),
-                flux[:-1] / (math.pi * area.clamp_min(1e-20).repeat(2)[:, None]))
+        if photons is not None:
+            flux.index_add_(0, self.gather_scene.hit_sides(photons.triangle, photons.weights, photons.direction),
+                            photons.flux)
+        return flux[:-1] / (math.pi * area.clamp_min(1e-20).repeat(2)[:, None])
 
     def _exchanged(self, x: Tensor, n: Tensor, normals: Tensor, effort: Effort) -> Gathered:
         """What rays from points of patches (sides, 3) hit, of unit normals and, for shading, n (sides, 3)."""
@@ -246,6 +231,25 @@ class Radiosity:
                 bounced, missed = torch.zeros_like(bounced), torch.zeros_like(missed)
         sky = gathered.sky_visibility(self.gather_scene.environments[Ray.GLOSSY], weight) if with_sky else None
         return GlossyLight(complete, bounced, missed, sky, highlights)
+
+
+def _make_patches(scene: RenderScene, direct: DirectLight, effort: Effort) -> tuple[Patches, GatherScene]:
+    emitters = direct.emitters.near()
+    openness = Openness(scene, direct.occluders, direct.device) if effort.walls else None
+    share = min(SHADOW_RAYS / (2 * PATCHES * max(len(emitters.power_share), 1)), effort.patches)
+    patches = make_patches(scene, emitters, share, openness)
+    return patches, GatherScene(scene, patches, direct)
+
+
+def _trace_caustics(scene: RenderScene, direct: DirectLight, effort: Effort) -> tuple[Photons | None, PhotonMap]:
+    """The photons that glass sends to surfaces, as tensors, and their density."""
+    direct, like = direct.reaching(bounces=lambda bounces: bounces >= THROUGH_GLASS), direct.emitters.radiance
+    is_bent = scene.has_caustics["refractive"] and len(scene_rays(scene).rows(BENDING, Ray.DIFFUSE))
+    if not is_bent or not len(direct.emitters):
+        return None, PhotonMap.empty(like)
+    photons = Photons(*(torch.from_numpy(x).to(like.device)
+                        for x in trace_photons(scene, direct, effort.of(PHOTONS))))
+    return photons, PhotonMap(photons.position, photons.normal, photons.flux, lit_surfaces(scene), effort.photon_grids)
 
 
 def _lobes(lights: dict[int, tuple[Tensor, ...]], metal: Tensor, layer: Tensor, of_layer: Tensor,

@@ -33,10 +33,12 @@ class _Grid(NamedTuple):
 class PhotonMap:
     """Photons on the surfaces where they ended; all in network units, on one device (Jensen 1996)."""
 
-    def __init__(self, position: Tensor, normal: Tensor, flux: Tensor, surfaces: np.ndarray | None = None):
+    def __init__(self, position: Tensor, normal: Tensor, flux: Tensor, surfaces: np.ndarray | None = None,
+                 most_grids: int = len(SPACINGS)):
         """position, normal (unit, of the side that is lit), flux: (N, 3).
 
-        surfaces: (G, 3, 3) triangles that photons can end on; without any, all are large and flat.
+        surfaces: (G, 3, 3) triangles that photons can end on; without any, all are large and flat. most_grids: how many
+        of the coarsest grids there are, at most.
         """
         near = np.zeros((0, 3, 3), np.float32) if surfaces is None else near_photons(
             surfaces, position.cpu().numpy(), 2 * SPACINGS[-1])
@@ -48,7 +50,7 @@ class PhotonMap:
             return _grid(torch.cat([position, middle, middle]), torch.cat([normal, up, -up]),
                          torch.cat([light, area, area]), spacing)
 
-        self.grids = shared(grid, SPACINGS, device=flux.device)
+        self.grids = shared(grid, SPACINGS[-most_grids:], device=flux.device)
 
     @classmethod
     def empty(cls, like: Tensor) -> PhotonMap:

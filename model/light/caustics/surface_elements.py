@@ -62,6 +62,7 @@ def _edges(corners: np.ndarray) -> np.ndarray:
 
 def _beside(corners: np.ndarray, position: np.ndarray, size: float) -> np.ndarray:
     """Those of triangles (M, 3, 3) whose middles are in cells of a size that hold photons (N, 3), or next to one."""
-    steps = np.indices((3, 3, 3)).reshape(3, 1, -1) - 1
-    lit = (np.unique(cell_index(position, size), axis=1)[..., None] + steps).reshape(3, -1)
+    cell, steps = np.stack(cell_index(position, size)), np.indices((3, 3, 3)).reshape(3, 1, -1) - 1
+    first = np.unique(group_key(*cell), return_index=True)[1]
+    lit = (cell[:, first, None] + steps).reshape(3, -1)
     return corners[np.isin(group_key(*cell_index(corners.mean(axis=1), size)), group_key(*lit))]

@@ -84,6 +84,11 @@ def test_the_first_picture_does_not_wait_for_the_network(corner, monkeypatch):
     submit(session, corner, source, through_camera(corner, WIDTH, HEIGHT))
     pictures(session)
     assert drawn[2:] == [(8, True), (8, False)]
+    corner.renderformer_v2.viewport.resolution = "1"
+    session = Session()
+    submit(session, corner, source, through_camera(corner, WIDTH, HEIGHT))
+    pictures(session)
+    assert drawn[4:] == [(8, True), (4, True), (2, False), (1, False)]
 
 
 def test_surfaces_are_shown_without_light_until_there_is_a_picture(corner, monkeypatch):
