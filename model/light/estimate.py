@@ -30,7 +30,7 @@ from .hit_surfaces import HitSurfaces, tensors_on
 from .probes import SMOOTH, Probes, probe_grid
 from .separation import Separation
 from .specular.paths import blur
-from .specular.pixels import path_end_light, reflected_light, refracted_light
+from .specular.pixels import SeenLobe, path_end_light, reflected_light, refracted_light
 from .surface_light import SurfaceLight
 from .vectors import dot
 
@@ -108,6 +108,8 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     def glossy_light(surfaces: HitSurfaces) -> GlossyPixels:
         mirrors = replace(surfaces, roughness=roughness_within(surfaces))
         gloss = glossy_bounces(radiosity, probes, mirrors, filters, effort, is_traced, with_direct)
+        if with_direct:
+            gloss = gloss.with_lamps(SeenLobe.first(surfaces).highlights_through_glass(direct))
         images, has_end = reflected_light(guides, mirrors, direct, gather, mirrored, gloss.highlights)
         return gloss.with_images(images, (1 - blur(mirrors.roughness)[..., None]) * has_end)
 

@@ -13,6 +13,7 @@ from ...progress import part
 from ...scene import IOR, ROUGHNESS, RenderScene, tile_means, tile_tints
 from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, Ray
+from ..bounding_sphere import BoundingSphere
 from ..cutouts import GAP
 from ..direct.environment_light import BLUR, LIFT, EnvironmentLight
 from ..tensor_rays import TensorRays
@@ -67,9 +68,7 @@ class Panes:
     def __init__(self, scene: RenderScene, environment: EnvironmentLight | None, device: torch.device):
         rays = scene_rays(scene)
         self.environment, self.surfaces = environment, TensorRays(rays.among(BENDING, Ray.DIFFUSE))
-        points = torch.from_numpy(scene.surfaces.triangles[rays.rows(BENDING, Ray.DIFFUSE)]).to(device).flatten(0, 1)
-        self.center = (points.amin(0) + points.amax(0)) / 2  # of a sphere around all glass
-        self.radius = (points - self.center).norm(dim=-1).max()
+        self._around = BoundingSphere.of(scene.surfaces.triangles[rays.rows(BENDING, Ray.DIFFUSE)], device)
         tint = tile_tints(scene.tiles)[scene.tile_index]
         of_glass = tint[scene.surfaces.token[rays.rows(BENDING, Ray.DIFFUSE)]]
         self.have_colors = bool((np.ptp(of_glass, axis=1) > GREY).any())
@@ -79,7 +78,7 @@ class Panes:
 
     def behind(self, origin: Tensor, direction: Tensor, distance: Tensor) -> BehindGlass:
         """Of N rays, which hit glass within their distances (N,), infinite for those that hit nothing else."""
-        ray = self._near_glass(origin, direction, distance).nonzero()[:, 0]  # waits for a GPU
+        ray = self._around.is_near(origin, direction, distance).nonzero()[:, 0]  # waits for a GPU
         origin, direction, distance = (x[ray] for x in (origin, direction, distance))
         row, travelled = None, 0.0
         for surface in range(SURFACES):
@@ -115,13 +114,6 @@ class Panes:
         mirrored = torch.where(from_within[:, None], WITHIN, MIRRORED) * (1 - passed)
         return BehindGlass(ray, light, transmittance, ray[mirroring], *(
             x[mirroring] for x in (begin_mirrored, onward, mirrored)))
-
-    def _near_glass(self, origin: Tensor, direction: Tensor, distance: Tensor) -> Tensor:
-        """(N,) bool: rays that hit the sphere around all glass, as few do where that is a ball in a room."""
-        to_center = self.center - origin
-        along = dot(to_center, direction)
-        aside2 = dot(to_center, to_center) - along.square()
-        return (aside2 <= self.radius ** 2) & (along >= -self.radius) & (along - self.radius < distance)
 
 
 def token_transmittances(scene: RenderScene) -> np.ndarray:

@@ -50,6 +50,10 @@ class GlossyPixels:
         return replace(self, **{kind: torch.lerp(getattr(self, kind), image, sharp)
                                 for kind, image in images.items() if getattr(self, kind) is not None})
 
+    def with_lamps(self, highlights: Tensor) -> GlossyPixels:
+        """With the light (h, W, 3) of lamps."""
+        return replace(self, complete=self.complete + highlights)
+
     def mixed(self, other: GlossyPixels, share: Tensor) -> GlossyPixels:
         """With a share (h, W, 3) of the light of another lobe; the visibility of the sky is still that of this one."""
         mixed = {kind: torch.lerp(getattr(self, kind), getattr(other, kind), share)

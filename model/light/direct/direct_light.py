@@ -16,7 +16,7 @@ from ...compute.threads import Once
 from ...progress import part
 from ...scene import ANY, RenderScene
 from ...scene_rays import scene_rays
-from ...surface_kinds import OCCLUDING, SHADING, Ray
+from ...surface_kinds import BENDING, OCCLUDING, SHADING, Ray
 from ..chunks import in_chunks
 from ..cutouts import Cutouts
 from ..hit_surfaces import LEANING
@@ -77,7 +77,7 @@ class DirectLight:
             self.cutouts = Cutouts.of(scene, Ray.SHADOW, device)
         self.emitters = EmitterLight(scene, self.fog, device, self.cutouts)
         self.device = self.emitters.radiance.device
-        self._scene, self._curved, self._past_glass = scene, Once(), Once()
+        self._scene, self._curved, self._through_glass = scene, Once(), Once()
         with part(0.5, 1.0):
             self.sky = None
             if self.environment is not None:
@@ -95,14 +95,18 @@ class DirectLight:
         return self._curved.get(lambda: (CurvedFaces.of(self._scene, self.device),))[0]
 
     @property
-    def past_glass(self) -> DirectLight:
-        """The same, of emitters that glass does not stop, as gloss that is seen through it shows them."""
-        return self._past_glass.get(self._find_past_glass)
+    def has_glass(self) -> bool:
+        """Whether there is glass that light of emitters meets."""
+        return len(self.emitters) > 0 and len(scene_rays(self._scene).rows(BENDING, Ray.SHADOW)) > 0
 
-    def _find_past_glass(self) -> DirectLight:
+    @property
+    def through_glass(self) -> DirectLight:
+        """The same, of emitters whose light goes straight through glass, as gloss shows them."""
+        return self._through_glass.get(self._find_through_glass)
+
+    def _find_through_glass(self) -> DirectLight:
         light = copy.copy(self)
-        light.emitters = self.emitters.past_glass(
-            self._scene, Cutouts.of(self._scene, Ray.SHADOW, self.device, with_glass=True))
+        light.emitters = self.emitters.through_glass(self._scene)
         return light
 
     def reaching(self, group: int | None = None,

@@ -62,10 +62,10 @@ class EmitterLight:
         self._maps = PictureMaps(emitters.pictures, emitters.cells, device) if emitters.pictures else None
         self._divide()
 
-    def past_glass(self, scene: RenderScene, cutouts: Cutouts | None) -> EmitterLight:
-        """The light that glass does not stop, but dims as all `cutouts` do."""
+    def through_glass(self, scene: RenderScene) -> EmitterLight:
+        """The light that goes straight through glass."""
         light = copy.copy(self)
-        light._shadows = self._shadows.past_glass(scene, self._limits, cutouts)
+        light._shadows = self._shadows.through_glass(scene, self._limits)
         return light
 
     def _divide(self) -> None:
@@ -159,12 +159,14 @@ class EmitterLight:
 
         Arguments as of `visibility`; shadow rays go to the emitters alone that the lobe of a point shows.
         """
+        rows, light = self._shadows.may_arrive(x).nonzero()[:, 0], torch.zeros_like(x)
+        x, n, start, *gloss = (values[rows] for values in (x, n, start, *gloss))
         direction, sine2, in_beam = self.shapes.directions(x, n)
         lobe = self.shapes.glossy(x, n, direction, sine2, *gloss) * in_beam
         power = lobe * self._to_glossy.mean(1)
         is_shown = power > DIM * power.amax(1, keepdim=True)
         visible = self._shadows.visible(x[:, None], n, start, is_shown, direction)
-        return _arriving(lobe * is_shown, visible, self._to_glossy)
+        return light.index_put((rows,), _arriving(lobe * is_shown, visible, self._to_glossy))
 
     def radiance_in_air(self, x: Tensor) -> Tensor:
         """(P, 3) radiance that arrives in the air at points x (P, 3), the mean over all directions."""

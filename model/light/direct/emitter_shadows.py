@@ -18,13 +18,15 @@ from ...surface_kinds import BENDING, OCCLUDING, SHADING, Kind, Ray
 from ..cutouts import Cutouts
 from ..media.transmittance import Fog
 from ..tensor_rays import TensorRays
-from ..vectors import dot, length
+from ..vectors import dot, length, unit
 from .emitter_shapes import EmitterShapes
 from .emitters import ROUND, Limits
 from .environment_light import LIFT
+from .straight_glass import StraightGlass
 from .terminator import start_heights
 
 FOG_REACH = 3.0  # network units from the centre: fog beyond dims no emitter
+FARTHEST = 4.0   # network units between surfaces and glass at most: so far the light of a sun spreads
 END_GAP = 4e-3   # network units before an emitter at which a shadow ray ends
 OF_ALL = ("_before", "_occluder", "_casts_shadows")  # fields of EmitterShadows that have a row for each emitter
 
@@ -36,6 +38,7 @@ class EmitterShadows:
                  cutouts: Cutouts | None):
         device = shapes.origins.device
         self._shapes, self._fog, self._cutouts = shapes, fog, cutouts
+        self._glass = None  # that light must pass
         self._casts_shadows = torch.as_tensor(limits.blockers > 0, device=device)
         # What shines to one side is at the place of its surface, lumps and spheres stand for one around them.
         self._before = torch.where(shapes.beam_axis.any(1), END_GAP, ROUND * shapes.reach)
@@ -44,11 +47,11 @@ class EmitterShadows:
             self._shining = TensorRays(scene_rays(scene).among(Kind.EMITTER, Ray.SHADOW))
         self._occluders, self._occluder = _occluders(scene, limits, device)
 
-    def past_glass(self, scene: RenderScene, limits: Limits, cutouts: Cutouts | None) -> EmitterShadows:
-        """Those of the light that glass does not stop, but dims as all `cutouts` do."""
-        shadows = copy.copy(self)
-        shadows._cutouts = cutouts
-        shadows._occluders, shadows._occluder = _occluders(scene, limits, self._before.device, BENDING)
+    def through_glass(self, scene: RenderScene, limits: Limits) -> EmitterShadows:
+        """Those of the light that goes straight through glass."""
+        shadows, device = copy.copy(self), self._before.device
+        shadows._glass = StraightGlass.of(scene, device)
+        shadows._occluders, shadows._occluder = _occluders(scene, limits, device, BENDING)
         return shadows
 
     def alone(self, row: int, shape: EmitterShapes) -> EmitterShadows:
@@ -58,6 +61,15 @@ class EmitterShadows:
         for name in OF_ALL:
             setattr(one, name, getattr(self, name)[row:row + 1])
         return one
+
+    def may_arrive(self, x: Tensor) -> Tensor:
+        """(P,) bool: whether any light may arrive at points (P, 3)."""
+        if self._glass is None:
+            return torch.ones_like(x[:, 0], dtype=torch.bool)
+        ray = self._shapes.origins - x[:, None] * ~self._shapes.is_distant[:, None]
+        distance = length(ray)
+        width = self._shapes.reach * (FARTHEST / distance.clamp_min(1e-9)).clamp(max=1)
+        return self._glass.around.is_near(x[:, None], unit(ray), distance, width).any(1)
 
     def visible(self, origin: Tensor, n: Tensor, start: Tensor, is_lit: Tensor, direction: Tensor) -> Tensor:
         """As `trace`, by K rays of points with unit normals (P, 3).
@@ -98,8 +110,10 @@ class EmitterShadows:
             is_blocked[others] = self._shining.is_blocked(
                 *(rays[others] for rays in (origin, ray, distance - self._before[emitter])))
         arrives = 1.0 * ~is_blocked[:, None]
+        if self._glass is not None:
+            arrives = arrives * self._glass.transmittance(origin, ray, end * arrives[:, 0])
         if self._cutouts is not None:
-            arrives = arrives * self._cutouts.transmittance(origin, ray, end * arrives[:, 0])
+            arrives = arrives * self._cutouts.transmittance(origin, ray, end * (arrives.amax(1) > 0))
         visible = arrives.new_zeros(*is_lit.shape, arrives.shape[1]).index_put((point, emitter), arrives)
         if self._fog is not None:
             visible = visible * self._fog.transmittance(x[:, None], self._shapes.origins.renorm(2, 0, FOG_REACH))

@@ -20,6 +20,7 @@ from ...scene import IOR, ROUGHNESS, Guides, RenderScene, View
 from ...scene_rays import scene_rays
 from ...shading import bent_to_reflect, side_normals, surface
 from ...surface_kinds import ALL, BENDING, SEEN, STRAIGHT_THROUGH, Kind, Ray
+from .end_albedo import mean_albedo
 from .facets import pixel_starts, rough_facets
 from .glass import Cast, lost, mirrored_by_plates
 from .path_lobes import LIFT, Lobe
@@ -72,7 +73,9 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
         step = max(math.ceil(math.sqrt(mask.sum() / PATHS)), 1)
         rows, columns = (step * index for index in np.nonzero(mask[::step, ::step]))
         ends = _follow(guides, scene, view, lobe, rows, columns, step, media)
-        for name, value in _values(ends, lobe).items():
+        values = _values(ends, lobe)
+        values[f"{lobe.name}_color"] = _mean_color(scene, ends, rows // step, columns // step)
+        for name, value in values.items():
             picture = np.zeros((*mask.shape, value.shape[1]), np.float32 if name.endswith(FULL) else np.float16)
             picture[rows, columns] = value
             filled = picture[::step, ::step].repeat(step, 0).repeat(step, 1)[:mask.shape[0], :mask.shape[1]]
@@ -109,7 +112,7 @@ def _follow(guides: Guides, scene: RenderScene, view: View, lobe: PathLobe, rows
 def _values(ends: list[PathEnds], lobe: PathLobe) -> dict[str, np.ndarray]:
     """Fields of Guides, of all paths (S, C)."""
     values = {f"{lobe.name}_{kind}": np.concatenate([getattr(chunk, kind) for chunk in ends])
-              for kind in ("position", "normal", "color", "light")}
+              for kind in ("position", "normal", "light")}
     if lobe.ray == Ray.GLOSSY:
         values["reflected_light"] *= values["reflected_normal"].any(1, keepdims=True)  # the rest is direct light
     for name, lobes in ((lobe.first_lobe, [chunk.lobe for chunk in ends]),
@@ -119,6 +122,13 @@ def _values(ends: list[PathEnds], lobe: PathLobe) -> dict[str, np.ndarray]:
             values |= {f"{name}_{kind.name}": np.concatenate([getattr(chunk, kind.name) for chunk in lobes])
                        for kind in dataclass_fields(Lobe) if f"{name}_{kind.name}" in KEPT}
     return values
+
+
+def _mean_color(scene: RenderScene, ends: list[PathEnds], *pixel: np.ndarray) -> np.ndarray:
+    """(S, 3) colour of the ends of all paths, which start in rows and columns (S,), as the mean within their pixels."""
+    share, *surface = (np.concatenate([getattr(chunk, kind) for chunk in ends])
+                       for kind in ("share", "position", "normal", "triangle", "albedo"))
+    return share * mean_albedo(scene, *pixel, *surface)
 
 
 def _media(scene: RenderScene) -> Media | None:

@@ -39,7 +39,9 @@ class PathEnds:
 
     position: np.ndarray  # (P, 3) f32, world
     normal: np.ndarray    # (P, 3) f32, unit, facing the path
-    color: np.ndarray     # (P, 3) f32, diffuse albedo there times the tint of the path; 0 = no surface
+    share: np.ndarray     # (P, 3) f32, of the light of its diffuse lobe that the path shows; 0 = no surface
+    albedo: np.ndarray    # (P, 3) f32, of that lobe
+    triangle: np.ndarray  # (P,) i32, of the geometry, that has this albedo; -1 = none has
     light: np.ndarray     # (P, 3) f32, radiance of the lamp or the sky there times the tint of the path
     lobe: Lobe            # of what the paths meet first, if that is metal, or rough glass that they leave
     other: Lobe           # of the layer on what reflections meet first; of what leaves glass after one more reflection
@@ -48,11 +50,18 @@ class PathEnds:
     @classmethod
     def none(cls, count: int) -> PathEnds:
         """Those of so many paths, which show nothing yet."""
-        return cls(*(np.zeros((count, 3), np.float32) for _ in range(4)), *(Lobe.none(count) for _ in range(3)))
+        position, normal, share, albedo, light = (np.zeros((count, 3), np.float32) for _ in range(5))
+        return cls(position, normal, share, albedo, np.full(count, -1, np.int32), light,
+                   *(Lobe.none(count) for _ in range(3)))
+
+    @property
+    def color(self) -> np.ndarray:
+        """(P, 3) what the paths show of light that a white diffuse surface sends on."""
+        return self.share * self.albedo
 
     def scale(self, factor: np.ndarray) -> None:
         """All that paths show becomes so many times (P, 1 or 3) as bright."""
-        for color in (self.color, self.light, self.lobe.color, self.other.color, self.gloss.color):
+        for color in (self.share, self.light, self.lobe.color, self.other.color, self.gloss.color):
             color *= factor
 
 
@@ -198,7 +207,11 @@ def _scattered(scene: RenderScene, cast: Cast, paths: Paths, hits: Hits, sheets:
     below = 1 - (1 - metallic) * layer_share(
         layer_reflectance(texel[:, IOR], transmission), -dot(direction, normal), roughness)
     ends.position[row], ends.normal[row] = point, normal
-    ends.color[row] = tint * np.where(goes_on, is_last, matte * below * ~hits.is_dark)[:, None]
+    has_albedo = ~(bends | on_sheet)
+    ends.albedo[row] = np.where(has_albedo[:, None], texel[:, BASE_COLOR], 1)
+    ends.triangle[row] = np.where(has_albedo, triangle, -1)
+    ends.share[row] = np.where(has_albedo[:, None], arrived, tint) * np.where(
+        goes_on, is_last, matte * below * ~hits.is_dark)[:, None]
     paths.tint, paths.entry = tint, np.where((bends & ~inside)[:, None], normal, 0)
     paths.ray = np.where(bends, np.uint8(Ray.TRANSMISSION), np.uint8(Ray.GLOSSY))
     paths.before = point - LIFT * reach[:, None] * direction

@@ -78,11 +78,7 @@ def refracted_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, 
         light["direct"] = tensors_on(direct.device)(guides.refracted_light) + sum(
             lobe.highlights(direct) for lobe in _seen_lobes(guides, surfaces, LEAVING).values())
         if behind is not None:
-            # Cycles blurs glass (Filter Glossy 1) behind lobes whose density, here that in the middle, is below 1.
-            density = 1 / (4 * math.pi * behind.roughness.clamp_min(0.1) ** 4)
-            passes = density.clamp(max=1).square()
-            blocked, passing = behind.among(passes < 1).highlights(direct), behind.highlights(direct.past_glass)
-            light["direct"] += torch.lerp(blocked, passing, passes)
+            light["direct"] += behind.highlights(direct) + behind.highlights_through_glass(direct)
     if not light:
         return light
     blurred = frosted(torch.cat(list(light.values()), -1), surfaces)  # all at once, which have the same weights
@@ -115,6 +111,11 @@ class SeenLobe(NamedTuple):
     share: Tensor      # (h, W, 3) of its light that is seen
     roughness: Tensor  # (h, W, 1) of its own: where it is mirrored, that of `surfaces` is as much wider as the mirror's
 
+    @classmethod
+    def first(cls, surfaces: HitSurfaces) -> SeenLobe:
+        """The white glossy lobe of the first surfaces."""
+        return cls(surfaces, torch.ones_like(surfaces.position), surfaces.roughness[..., None])
+
     def among(self, chosen: Tensor) -> SeenLobe:
         """At some pixels (h, W, 1) alone."""
         return self._replace(surfaces=replace(self.surfaces, coverage=self.surfaces.coverage * chosen))
@@ -128,6 +129,14 @@ class SeenLobe(NamedTuple):
         start = r2_starts(torch.arange(RAYS * len(at[0]), device=direct.device)).view(-1, RAYS, 2)
         return highlights.index_put(at, self.share[at] * direct.highlights(
             seen.position[at], seen.normal[at], start, -seen.rays[at], seen.roughness[at], seen.f0[at]))
+
+    def highlights_through_glass(self, direct: DirectLight) -> Tensor:
+        """The same of those whose light goes straight through glass."""
+        # Cycles blurs glass (Filter Glossy 1) behind lobes whose density, here that in the middle, is below 1.
+        if not direct.has_glass:
+            return torch.zeros_like(self.share)
+        density = 1 / (4 * math.pi * self.roughness.clamp_min(0.1) ** 4)
+        return density.clamp(max=1).square() * self.highlights(direct.through_glass)
 
     def add_gloss(self, light: dict[str, Tensor], direct: DirectLight, gather: Gather) -> None:
         """Add to (h, W, 3) "bounced" or "complete", in place, what it mirrors but lamps: surfaces and the sky.

@@ -8,7 +8,7 @@ from renderformer_v2.model.light.bounce.radiosity import Radiosity
 from renderformer_v2.model.light.cutouts import Veils
 from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.tensor_rays import TensorRays
-from renderformer_v2.model.scene import IOR, TRANSMISSION, RenderScene
+from renderformer_v2.model.scene import TRANSMISSION, RenderScene
 from renderformer_v2.model.scene_rays import scene_rays
 from renderformer_v2.model.surface_kinds import ALL, Ray
 from tests.model.samples import flat, floor_scene
@@ -51,16 +51,3 @@ def test_what_does_not_pass_is_reflected_by_the_colour_of_the_rest():
     point, down = torch.tensor([[0.1, 0.2, 1.0]]), -UP
     light = Radiosity(scene, DirectLight(scene)).diffuse(point, down).indirect[0]
     np.testing.assert_allclose(light, (1 - CLEAR.mean()) * 0.5 * np.ones(3), rtol=0.15)
-
-
-def test_glass_stops_lamps_but_not_for_gloss_that_is_seen_through_it():
-    """Metal below a lamp and a pane of red glass."""
-    square = np.float32([[(-9, -9, 0.2), (9, -9, 0.2), (9, 9, 0.2)], [(-9, -9, 0.2), (9, 9, 0.2), (-9, 9, 0.2)]])
-    pane = flat(square, np.float32((1.0, 0.25, 0.25)))
-    pane.tiles[:, TRANSMISSION], pane.tiles[:, IOR] = 1, 1.5
-    bare = floor_scene(side=3)
-    shown, stopped, passed = (light.highlights(
-        torch.zeros(1, 3), UP, torch.full((1, 4, 2), 0.5), UP, torch.tensor([0.3]), torch.ones(1))[0].numpy()
-        for light in (DirectLight(bare), DirectLight(bare.appended(pane)), DirectLight(bare.appended(pane)).past_glass))
-    assert not stopped.any()
-    np.testing.assert_allclose(passed, shown * np.multiply((1, 0.5, 0.5), 0.96), rtol=0.02)
