@@ -60,7 +60,7 @@ def reflected_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, 
         mean = ((surfaces.roughness[..., None] - FINE[0]) / (FINE[1] - FINE[0])).clamp(0, 1)
         if guides.mirrored_roughness is not None:
             mean = mean * (to_tensor(guides.mirrored_roughness) < SMOOTH)
-        lamps = {name: lobe.highlights(direct) for name, lobe in lobes.items()}
+        lamps = {name: lobe.lamps(direct) for name, lobe in lobes.items()}
         of_metal = lamps.pop("mirrored", torch.zeros_like(highlights))
         light["complete"] = light["complete"] + torch.lerp(of_metal, highlights, mean) + sum(lamps.values())
     return light, share > LEAST_SHARE
@@ -76,9 +76,7 @@ def refracted_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, 
         behind.add_gloss(light, direct, gather)
     if with_direct and guides.refracted_light is not None:
         light["direct"] = tensors_on(direct.device)(guides.refracted_light) + sum(
-            lobe.highlights(direct) for lobe in _seen_lobes(guides, surfaces, LEAVING).values())
-        if behind is not None:
-            light["direct"] += behind.highlights(direct) + behind.highlights_through_glass(direct)
+            lobe.lamps(direct) for lobe in _seen_lobes(guides, surfaces, (*LEAVING, BEHIND)).values())
     if not light:
         return light
     blurred = frosted(torch.cat(list(light.values()), -1), surfaces)  # all at once, which have the same weights
@@ -120,8 +118,12 @@ class SeenLobe(NamedTuple):
         """At some pixels (h, W, 1) alone."""
         return self._replace(surfaces=replace(self.surfaces, coverage=self.surfaces.coverage * chosen))
 
-    def highlights(self, direct: DirectLight) -> Tensor:
+    def lamps(self, direct: DirectLight) -> Tensor:
         """(h, W, 3) radiance of the lamps in it."""
+        return self.highlights(direct) + self.highlights_through_glass(direct)
+
+    def highlights(self, direct: DirectLight) -> Tensor:
+        """(h, W, 3) the same of those that no glass is before."""
         seen, highlights = self.surfaces, torch.zeros_like(self.share)
         if not len(direct.emitters):
             return highlights
