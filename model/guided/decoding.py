@@ -36,11 +36,14 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     factors that were learnt from few scenes are wrong in others. For the same reason the transformer's, and those of
     indirect light, are of light without rays only; by rays pixels change direct light a little, and the transformer
     says how far the estimate is to be trusted without that. Where the user lets no light bounce, which training never
-    did, or lamps shine otherwise than estimates know, traced light is believed and nothing is added.
+    did, or lamps shine otherwise than estimates know, traced light is believed and nothing is added; and the more, the
+    more samples it has.
     """
     light, raw = view.light, raw.float()
     untraced = 1 - light.is_traced.view(-1, 1, 1, 1)
     share = (raw[:, OUTPUTS["share"]] + raw[:, OUTPUTS["trust"]]).tanh() * view.is_known
+    if is_inference():  # in training it is to learn all that it can, which is mostly of few samples
+        share = share * view.surface[:, SURFACE["noise"]].clamp(max=1).sqrt()
     raw = raw * untraced
     without_rays = 1 - light.has_rays.view(-1, 1, 1, 1)
     direct = _but_of_glass(_by_lobe(raw[:, OUTPUTS["direct"]], light), light)

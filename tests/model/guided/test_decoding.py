@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.guided.decoding import LARGEST_BY_RAYS, LARGEST_FACTOR, OUTPUTS, corrected_light, factor
 from renderformer_v2.model.guided.features import SURFACE, GuidedView, guided_view
 from renderformer_v2.model.weights.presets import rf2_small
@@ -64,6 +65,23 @@ def test_by_rays_grey_light_stays_grey(has_rays):
         light = getattr(corrected, name)
         is_grey = torch.allclose(light, light[..., :1, :, :].expand_as(light), rtol=1e-5)
         assert is_grey == (has_rays or name == "behind" and not light.any()), name
+
+
+def test_traced_light_of_many_samples_is_changed_less():
+    """By half as much with 16 times as many."""
+    view = inputs(is_traced=True)
+    raw = outputs(view, share=0.5)
+
+    def change(noise: float) -> torch.Tensor:
+        surface = view.surface.clone()
+        surface[:, SURFACE["noise"]] = noise
+        return corrected_light(raw, replace(view, surface=surface)).traced - view.light.traced
+
+    assert torch.equal(change(0.25), change(1))  # in training
+    with inference():
+        few, usual, many = map(change, (2, 1, 0.25))
+    assert usual.any() and torch.equal(few, usual)
+    torch.testing.assert_close(many, usual / 2)
 
 
 @pytest.mark.parametrize("is_traced", [False, True])
