@@ -30,7 +30,7 @@ def surface(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,
     surfaces = scene.surfaces
     corners, token = surfaces.triangles[triangle], surfaces.token[triangle]
     weights = barycentric(corners, point).clip(0, 1).astype(np.float32)
-    on_token = weights if scene.geometry is None else nearest_weights(scene.triangles[token], point)
+    on_token = weights if scene.geometry is None else _nearest_weights(scene.triangles[token], point)
     x, y = texels(on_token[:, :2])
     is_behind = dot(area_vectors(corners), direction) > 0
     tile = scene.tile_index[token] if scene.back_tile is None else np.where(
@@ -46,7 +46,7 @@ def emission_share(scene: RenderScene, triangle: np.ndarray, point: np.ndarray) 
         return share
     token = scene.surfaces.token[triangle]
     rows = np.flatnonzero((triangle >= 0) & (scene.emission_tile[token] >= 0))
-    x, y = texels(nearest_weights(scene.triangles[token[rows]], point[rows])[:, :2], EMISSION_SIZE)
+    x, y = texels(_nearest_weights(scene.triangles[token[rows]], point[rows])[:, :2], EMISSION_SIZE)
     share[rows] = scene.emission_tiles[scene.emission_tile[token[rows]], :, y, x]
     return share
 
@@ -105,10 +105,15 @@ def on_tokens(scene: RenderScene, triangle: np.ndarray, weights: np.ndarray) -> 
         return triangle, weights
     corners, token = scene.geometry.triangles[triangle], scene.geometry.token[triangle]
     point = interpolated(corner_weights(weights), corners)
-    return token, nearest_weights(scene.triangles[token], point)[:, :2]
+    return token, _nearest_weights(scene.triangles[token], point)[:, :2]
 
 
-def nearest_weights(corners: np.ndarray, point: np.ndarray) -> np.ndarray:
+def _nearest_weights(corners: np.ndarray, point: np.ndarray) -> np.ndarray:
     """(P, 3) f32 weights of corners (P, 3, 3) at points in the triangle near to points (P, 3)."""
-    weights = barycentric(corners, point).clip(0, 1)
+    return clipped(barycentric(corners, point))
+
+
+def clipped(weights: np.ndarray) -> np.ndarray:
+    """Barycentric weights (..., 3) f32, those of points beside triangles moved into these."""
+    weights = weights.clip(0, 1)
     return (weights / weights.sum(axis=-1, keepdims=True)).astype(np.float32)

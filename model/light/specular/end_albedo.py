@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...geometry import area_vectors, dot
+from ...geometry import area_vectors, barycentric, dot
 from ...scene import BASE_COLOR, RenderScene, texels
-from ...shading import nearest_weights
+from ...shading import clipped
 
 ALIKE = 0.9    # cosine between normals of the ends of two paths on the same surface, at least
 ASIDE = 0.2    # how far one is above the plane of the other, of the way between them, at most
@@ -26,15 +26,17 @@ def mean_albedo(scene: RenderScene, row: np.ndarray, column: np.ndarray, positio
     is_textured = np.ptp(scene.tiles[:, BASE_COLOR], axis=(2, 3)).max(axis=1) > EVEN
     some = np.flatnonzero((triangle >= 0) & is_textured[tile] & step.any(axis=(1, 2)))
     corners, mean = scene.triangles[scene.surfaces.token[triangle[some]]], albedo.copy()
-    offsets = (np.indices((SIDE, SIDE)).reshape(2, -1).T + 0.5) / SIDE - 0.5
-    mean[some] = sum(_texels_at(scene, tile[some], corners, position[some] + (offset @ step[some]).astype(np.float32))
-                     for offset in offsets) / len(offsets)
+    middle, down, right = (np.float32(barycentric(corners, position[some] + way)) for way in (
+        0, step[some, 0], step[some, 1]))
+    offsets = (np.arange(SIDE) + 0.5) / SIDE - 0.5
+    mean[some] = sum(_albedo_at(scene, tile[some], middle + y * (down - middle) + x * (right - middle))
+                     for y in np.float32(offsets) for x in np.float32(offsets)) / SIDE ** 2
     return mean
 
 
-def _texels_at(scene: RenderScene, tile: np.ndarray, corners: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """(P, 3) albedo of tiles (P,) at points (P, 3) on token triangles (P, 3, 3)."""
-    x, y = texels(nearest_weights(corners, point)[:, :2])
+def _albedo_at(scene: RenderScene, tile: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(P, 3) of tiles (P,) at weights (P, 3) of corners, which may be beside the triangle."""
+    x, y = texels(clipped(weights)[:, :2])
     return scene.tiles[tile[:, None], np.r_[BASE_COLOR], y[:, None], x[:, None]].astype(np.float32)
 
 
