@@ -154,19 +154,21 @@ class EmitterLight:
         return *(_arriving(lobe, visible, radiance) / (lobe @ radiance).clamp_min(1e-12)
                  for lobe, radiance in zip(lobes, (self._to_diffuse, self._to_glossy))), disagreement
 
+    def may_arrive(self, x: Tensor) -> Tensor:
+        """(P,) bool: whether any of the light may arrive at points x (P, 3)."""
+        return self._shadows.may_arrive(x)
+
     def highlights(self, x: Tensor, n: Tensor, start: Tensor, *gloss: Tensor) -> Tensor:
         """(P, 3) radiance of the emitters that white glossy lobes send on, past what is in the way.
 
         Arguments as of `visibility`; shadow rays go to the emitters alone that the lobe of a point shows.
         """
-        rows, light = self._shadows.may_arrive(x).nonzero()[:, 0], torch.zeros_like(x)
-        x, n, start, *gloss = (values[rows] for values in (x, n, start, *gloss))
         direction, sine2, in_beam = self.shapes.directions(x, n)
         lobe = self.shapes.glossy(x, n, direction, sine2, *gloss) * in_beam
         power = lobe * self._to_glossy.mean(1)
         is_shown = power > DIM * power.amax(1, keepdim=True)
         visible = self._shadows.visible(x[:, None], n, start, is_shown, direction)
-        return light.index_put((rows,), _arriving(lobe * is_shown, visible, self._to_glossy))
+        return _arriving(lobe * is_shown, visible, self._to_glossy)
 
     def radiance_in_air(self, x: Tensor) -> Tensor:
         """(P, 3) radiance that arrives in the air at points x (P, 3), the mean over all directions."""

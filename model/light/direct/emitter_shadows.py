@@ -63,7 +63,7 @@ class EmitterShadows:
         return one
 
     def may_arrive(self, x: Tensor) -> Tensor:
-        """(P,) bool: whether any light may arrive at points (P, 3)."""
+        """As EmitterLight.may_arrive."""
         if self._glass is None:
             return torch.ones_like(x[:, 0], dtype=torch.bool)
         ray = self._shapes.origins - x[:, None] * ~self._shapes.is_distant[:, None]

@@ -127,7 +127,9 @@ class SeenLobe(NamedTuple):
         seen, highlights = self.surfaces, torch.zeros_like(self.share)
         if not len(direct.emitters):
             return highlights
-        at = seen.is_covered[..., 0].nonzero().unbind(1)
+        is_lit = seen.is_covered[..., 0]
+        is_lit = is_lit.index_put((is_lit,), direct.may_arrive(seen.position[is_lit]))
+        at = is_lit.nonzero().unbind(1)
         start = r2_starts(torch.arange(RAYS * len(at[0]), device=direct.device)).view(-1, RAYS, 2)
         return highlights.index_put(at, self.share[at] * direct.highlights(
             seen.position[at], seen.normal[at], start, -seen.rays[at], seen.roughness[at], seen.f0[at]))
