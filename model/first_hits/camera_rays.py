@@ -14,7 +14,7 @@ from ..progress import part
 from ..rays import Hits
 from ..scene import Guides, RenderScene, View
 from ..scene_rays import scene_rays
-from ..shading import on_tokens, shading_normals
+from ..shading import emission_share, on_tokens, shading_normals
 from ..surface_kinds import SEEN, Ray
 from . import glass_from_inside
 from .at_pixels import Materials
@@ -71,14 +71,19 @@ class CameraRays:
     def emission(self, pixel: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
         """(E, 3) mean radiance of emitters that `count` rays through each of the pixels (E,) meet, a power of two.
 
-        And the share (E,) of rays that meet any.
+        And the share (E,) of rays that meet any, or what is dark of a picture that shines.
         """
         scene, points, means = self._scene, sample_points(count), np.zeros((len(pixel), 4), np.float32)
         radiance = scene.emission + scene.surface_glow
         table = np.pad(np.column_stack([radiance, radiance.any(axis=1)]), ((0, 1), (0, 0)))  # the last row: nothing
         token = np.append(scene.surfaces.token, -1)
         for rows in np.array_split(np.arange(len(pixel)), len(pixel) * count // (BATCH * SAMPLES) + 1):
-            means[rows] = table[token[self._through(pixel[rows], points)[1].triangle]].reshape(-1, count, 4).mean(1)
+            rays, hits = self._through(pixel[rows], points)
+            values = table[token[hits.triangle]]
+            shines = np.flatnonzero(values[:, 3])
+            values[shines, :3] *= emission_share(
+                scene, hits.triangle[shines], hits.distance[shines, None] * rays[shines] + self._eye)
+            means[rows] = values.reshape(-1, count, 4).mean(1)
         return means[:, :3], means[:, 3]
 
     def _through(self, pixel: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, Hits]:

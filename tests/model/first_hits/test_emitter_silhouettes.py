@@ -7,6 +7,7 @@ import pytest
 
 from renderformer_v2.model.first_hits import emitter_silhouettes
 from renderformer_v2.model.first_hits.camera_rays import CameraRays, cast_guides
+from renderformer_v2.model.scene import EMISSION_SIZE
 from tests.model.samples import flat, floor_scene, floor_view
 
 SIZE, RADIANCE, SAMPLES = 48, 20.0, 8
@@ -42,6 +43,20 @@ def test_how_bright_an_emitter_is_there_is_what_samples_around_say(seen):
     scene, view, guides, exact = seen
     smooth = emitter_silhouettes.smoothed(replace(guides, emission=2 * guides.emission), scene, view)
     assert smooth.emission.mean() == pytest.approx(2 * exact.mean(), rel=0.05)
+
+
+def test_what_is_dark_of_a_picture_has_dark_silhouettes(seen):
+    """As a wall beside its lit windows."""
+    scene, view, guides, exact = seen
+    dark = scene.triangles.mean(axis=1)[:, 0] < 0
+    tiles = np.ones((2, 3, EMISSION_SIZE, EMISSION_SIZE), np.float16) * np.float16([0, 1])[:, None, None, None]
+    picture = replace(scene, emission_tile=np.where(dark, 0, 1).astype(np.int32), emission_tiles=tiles)
+    is_left = np.arange(SIZE) < SIZE // 2 - 5
+    shown = np.where(is_left[:, None], 0, guides.emission)
+    smooth = emitter_silhouettes.smoothed(replace(guides, emission=shown), picture, view).emission
+    assert smooth[:, is_left].max() < 1e-3 * RADIANCE
+    lit = np.s_[:, SIZE // 2 + 5:]
+    assert error(smooth[lit], exact[lit]) < 0.4 * error(guides.emission[lit], exact[lit])
 
 
 @pytest.mark.parametrize("change", [{"emission": 0.01}, {"samples": 128.0}])
