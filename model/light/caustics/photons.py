@@ -45,7 +45,8 @@ def trace_photons(scene: RenderScene, direct: DirectLight, count: int) -> Photon
     rays, corners = scene_rays(scene), scene.surfaces.triangles
     glass, panes, landed = rays.rows(BENDING, Ray.DIFFUSE), rays.among(BENDING, Ray.DIFFUSE), []
     walls = rays.among(SOLID | Kind.EMITTER, Ray.TRANSMISSION)
-    number, row, at, ray, flux = _emit(corners[glass], direct, panes, chance[:, 0, :2])
+    group = scene.seldom("group")[scene.surfaces.token[glass]]
+    number, row, at, ray, flux = _emit(corners[glass], group, direct, panes, chance[:, 0, :2])
     row, shines = glass[row], np.append(scene.is_light[scene.surfaces.token], True)
     is_milky = (scene.tiles[:, TRANSMISSION].mean(axis=(1, 2)) <= CLEAR)[scene.tile_index][scene.surfaces.token]
     for k in range(1, SURFACES + 1):
@@ -77,22 +78,22 @@ def lit_surfaces(scene: RenderScene) -> np.ndarray:
     return scene.surfaces.triangles[np.append(rays.rows(SOLID, Ray.TRANSMISSION), rays.rows(BENDING, Ray.DIFFUSE))]
 
 
-def _emit(corners: np.ndarray, direct: DirectLight, panes: RaysAmong,
+def _emit(corners: np.ndarray, group: np.ndarray, direct: DirectLight, panes: RaysAmong,
           chance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The M of N photons, one for each row of chance (N, 2), that reach glass without a hit before.
 
-    Returns their numbers (M,), the triangle (M,) and point (M, 3) that they hit, their unit direction (M, 3) and flux
-    (M, 3).
+    group: (L,) of surfaces, of the glass. Returns the numbers of photons (M,), the triangle (M,) and point (M, 3) that
+    they hit, their unit direction (M, 3) and flux (M, 3).
     """
     count, vectors = len(chance), area_vectors(corners)
     normal, area = unit(vectors), np.linalg.norm(vectors, axis=1)
-    _, light = _sample_emitters(direct, corners.mean(axis=1), normal, np.zeros((len(area), 2), np.float32))
+    _, light = _sample_emitters(direct, group, corners.mean(axis=1), normal, np.zeros((len(area), 2), np.float32))
     power = area * light.mean(axis=1)
     share = UNIFORM * area / area.sum() + (1 - UNIFORM) * power / max(power.sum(), 1e-30)
     row = np.searchsorted(share.cumsum(), (np.arange(count) + 0.5) / count * share.sum()).clip(max=len(area) - 1)
     u, v = (torch.from_numpy(np.float32(np.arange(count) * step % 1)) for step in R2)
     point = np.einsum("nk,nkc->nc", triangle_weights(u, v).numpy(), corners[row])
-    to_emitter, light = _sample_emitters(direct, point, normal[row], chance)
+    to_emitter, light = _sample_emitters(direct, group[row], point, normal[row], chance)
     distance = np.linalg.norm(to_emitter, axis=1)
     direction = to_emitter / distance.clip(1e-9)[:, None]
     flux = light * (math.pi * area[row] / (count * share[row]))[:, None]
@@ -101,9 +102,14 @@ def _emit(corners: np.ndarray, direct: DirectLight, panes: RaysAmong,
     return number, row[number], point[number], -direction[number], flux[number].astype(np.float32)
 
 
-def _sample_emitters(direct: DirectLight, *arrays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    like = direct.emitters.radiance
-    return tuple(x.cpu().numpy() for x in direct.sample_emitters(*(torch.from_numpy(a).to(like) for a in arrays)))
+def _sample_emitters(direct: DirectLight, group: np.ndarray, *arrays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """As DirectLight.sample_emitters, of the light that falls on groups (N,) of surfaces."""
+    like, result = direct.emitters.radiance, np.zeros((2, len(group), 3), np.float32)
+    for number in np.unique(group).tolist():
+        rows = np.flatnonzero(group == number)
+        some = direct.reaching(number).sample_emitters(*(torch.from_numpy(a[rows]).to(like) for a in arrays))
+        result[:, rows] = torch.stack(some).cpu().numpy()
+    return result[0], result[1]
 
 
 def _bend(scene: RenderScene, row: np.ndarray, at: np.ndarray, ray: np.ndarray,

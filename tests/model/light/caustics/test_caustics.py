@@ -142,6 +142,16 @@ def test_what_stands_between_lamp_and_glass_takes_its_light():
     assert light_on_floor(floor.appended(glass).appended(plate)).abs().max() == 0
 
 
+@pytest.mark.parametrize(("lit_groups", "arrives"), [(0b01, False), (0b10, True)])
+def test_a_light_shines_through_the_glass_that_it_lights(lit_groups, arrives):
+    """As in Cycles, where light linking of what ends at a light is that of the surface before: the glass."""
+    floor = floor_scene()
+    scene = floor.appended(of_glass(pane(0.3, 0.01)))
+    scene.group = np.where(np.arange(len(scene)) < len(floor), 0, 1).astype(np.uint8)
+    scene.lit_groups = np.full(len(scene), lit_groups, np.uint64)
+    assert bool(light_on_floor(scene).any()) == arrives
+
+
 def test_metal_and_what_lets_light_straight_on_bend_none():
     for material in ({"metallic": 1.0}, {"ior": 1.0}, {"transmission": 0.0}):
         assert light_on_floor(floor_scene().appended(of_glass(pane(0.3, 0.01), **material))).abs().max() == 0
