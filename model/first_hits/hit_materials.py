@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..material.reflectance import LEAST_LAYER, layer_reflectance
+from ..material.reflectance import LEAST_LAYER, layer_reflectance, normal_reflectance
+from ..pictures import LUMINANCE
 from ..scene import (
     BASE_COLOR,
     IOR,
@@ -17,15 +18,17 @@ from ..scene import (
     RenderScene,
     texels,
 )
+from ..surface_kinds import clear_tiles
 
+MOST = 0.97               # share that passes straight, above which there is hardly a surface
 UNKNOWN_ROUGHNESS = 0.5  # where no token triangle lies behind a pixel (hair, sub-pixel geometry)
 UNKNOWN_F0 = 0.04        # likewise, of a layer
 
 
 def hit_roughness(scene: RenderScene, guides: Guides) -> np.ndarray:
     """(H, W) f32 roughness of the texel that each pixel's first hit lies on."""
-    roughness = _hit_texels(scene, guides, slice(ROUGHNESS, ROUGHNESS + 1))[..., 0]
-    return np.where(guides.hit_triangle >= 0, roughness, np.float32(UNKNOWN_ROUGHNESS))
+    texel, is_known = _hit_texels(scene, guides)
+    return np.where(is_known, texel[..., ROUGHNESS], np.float32(UNKNOWN_ROUGHNESS))
 
 
 def hit_reflectances(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -33,8 +36,8 @@ def hit_reflectances(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np
 
     A layer that reflects next to nothing at normal incidence has a share of 0.
     """
-    texel = _hit_texels(scene, guides, PARAMETERS)
-    is_known, metallic, transmission = guides.hit_triangle >= 0, texel[..., METALLIC], texel[..., TRANSMISSION]
+    texel, is_known = _hit_texels(scene, guides)
+    metallic, transmission = texel[..., METALLIC], texel[..., TRANSMISSION]
     f0 = np.where(is_known, layer_reflectance(texel[..., IOR], transmission), UNKNOWN_F0)
     metal = is_known * metallic
     return metal, texel[..., BASE_COLOR].mean(-1), (1 - metal) * (f0 / LEAST_LAYER).clip(max=1), f0
@@ -71,12 +74,48 @@ def hit_values(scene: RenderScene, guides: Guides, values: np.ndarray) -> np.nda
     return values[scene.seen_tile[hit.clip(0)]] * (hit >= 0).reshape(*hit.shape, *[1] * (values.ndim - 1))
 
 
-def _hit_texels(scene: RenderScene, guides: Guides, channels: slice) -> np.ndarray:
-    """(H, W, C) f32, these channels of the material tiles; arbitrary where nothing is hit."""
-    if guides.material is not None:
-        return guides.material[..., channels].astype(np.float32)
+def own_texels(texel: np.ndarray, clear: np.ndarray) -> np.ndarray:
+    """Material texels (P, C) of surfaces alone, of those (P, C) that contain a window for `clear` (P, 3) light.
+
+    The inverse of how the conversion mixes a material with a window, whose base colour is its squared and which is
+    perfectly smooth.
+    """
+    share, texel = clear.max(axis=1).clip(1e-3, MOST), texel.copy()
+    solid = 1 - share
+    base = texel[:, BASE_COLOR] - clear ** 2 / share[:, None]
+    texel[:, BASE_COLOR] = (base / solid[:, None]).clip(0)
+    texel[:, METALLIC] = (texel[:, METALLIC] / (1 - texel[:, TRANSMISSION]).clip(1e-3)).clip(0, 1)
+    texel[:, IOR] = 1 + (texel[:, IOR] - 1).clip(0) / solid
+    gloss = solid * (texel[:, METALLIC] + normal_reflectance(texel[:, IOR]) / 2)
+    texel[:, ROUGHNESS] = (texel[:, ROUGHNESS] * (gloss + share) / gloss.clip(1e-4)).clip(0, 1)
+    texel[:, TRANSMISSION] = 0
+    return texel
+
+
+def _hit_texels(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W, 7) f32 texels of the material tiles, and whether they are of what pixels show (H, W).
+
+    Without what lets light pass straight. A texel may lie in a hole beside the leaf that a pixel shows.
+    """
     hit = guides.hit_triangle
-    if not len(scene.triangles):
-        return np.zeros((*hit.shape, len(range(TILE_CHANNELS)[channels])), np.float32)
-    x, y = texels(guides.hit_barycentric)
-    return scene.tiles[scene.seen_tile[np.maximum(hit, 0)], channels, y, x].astype(np.float32)
+    if guides.material is not None:
+        texel = guides.material.astype(np.float32)
+    elif not len(scene.triangles):
+        return np.zeros((*hit.shape, len(range(TILE_CHANNELS)[PARAMETERS])), np.float32), hit >= 0
+    else:
+        x, y = texels(guides.hit_barycentric)
+        texel = scene.tiles[scene.seen_tile[np.maximum(hit, 0)], PARAMETERS, y, x].astype(np.float32)
+    clear = hit_values(scene, guides, clear_tiles(scene))
+    rows = clear.any(axis=-1)
+    if guides.straight is not None:  # of these they are already of the surface alone
+        rows &= ~guides.straight
+    if not rows.any():
+        return texel, hit >= 0
+    color = clear[rows] / clear[rows].max(axis=1, keepdims=True)
+    # Transmission is the share of the window in the luminance of both.
+    share = texel[rows, TRANSMISSION] * (texel[rows, BASE_COLOR] @ LUMINANCE) / (color ** 2 @ LUMINANCE)
+    share = share.clip(0, 1)
+    texel[rows] = own_texels(texel[rows], color * share[:, None])
+    is_known = hit >= 0
+    is_known[rows] = share < MOST
+    return texel, is_known

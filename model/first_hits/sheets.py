@@ -14,11 +14,8 @@ from ..camera import view_rays
 from ..material.reflectance import normal_reflectance
 from ..rays import Hits, Rays
 from ..scene import (
-    BASE_COLOR,
     IOR,
-    METALLIC,
     PARAMETERS,
-    ROUGHNESS,
     TRANSMISSION,
     Guides,
     RenderScene,
@@ -31,8 +28,8 @@ from .camera_rays import CameraRays
 from .denoise_media import COLORS, varies
 from .from_passes import FirstSurfaces
 from .from_rays import colors_of_texels, material_of_tokens
+from .hit_materials import MOST, own_texels
 
-MOST = 0.97               # mean share that passes straight, above which there is hardly a surface
 EVEN = 0.03               # standard deviation of what a tile transmits, above which it is a cut-out shape
 LAYERS = 4                # of sheets before something else: where there are more, the means of samples tell more
 GAP = 1e-4                # of the distance of the first sheet, behind a sheet where a ray goes on
@@ -48,24 +45,6 @@ def sheet_tiles(scene: RenderScene) -> np.ndarray:
     sheets = np.zeros_like(clear)
     sheets[rows] = clear[rows]
     return sheets
-
-
-def own_texels(texel: np.ndarray, clear: np.ndarray) -> np.ndarray:
-    """Material texels (P, C) of sheets alone, of those (P, C) that contain a window for `clear` (P, 3) light.
-
-    The inverse of how the conversion mixes a material with a window, whose base colour is its squared and which is
-    perfectly smooth.
-    """
-    share, texel = clear.max(axis=1).clip(1e-3, MOST), texel.copy()
-    solid = 1 - share
-    base = texel[:, BASE_COLOR] - clear ** 2 / share[:, None]
-    texel[:, BASE_COLOR] = (base / solid[:, None]).clip(0)
-    texel[:, METALLIC] = (texel[:, METALLIC] / (1 - texel[:, TRANSMISSION]).clip(1e-3)).clip(0, 1)
-    texel[:, IOR] = 1 + (texel[:, IOR] - 1).clip(0) / solid
-    gloss = solid * (texel[:, METALLIC] + normal_reflectance(texel[:, IOR]) / 2)
-    texel[:, ROUGHNESS] = (texel[:, ROUGHNESS] * (gloss + share) / gloss.clip(1e-4)).clip(0, 1)
-    texel[:, TRANSMISSION] = 0
-    return texel
 
 
 def through_sheets(guides: Guides, scene: RenderScene, view: View) -> Guides:

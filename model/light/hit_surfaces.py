@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..camera import view_rays_at
-from ..first_hits.hit_materials import hit_reflectances, hit_roughness_below, hit_values
+from ..first_hits.hit_materials import UNKNOWN_F0, hit_reflectances, hit_roughness_below, hit_values
 from ..material.sheen import albedo as sheen_albedo
 from ..material.sheen import stretch
 from ..scene import Guides, RenderScene, View
@@ -148,4 +148,6 @@ def _relative_f0(metal: Tensor, metal_f0: Tensor, layer: Tensor, layer_f0: Tenso
     """
     albedo = lobe_albedo(torch.ones(()), cosine.flatten(), roughness.flatten()).view_as(cosine)
     metal = metal / albedo  # light that bounces between its facets is uniform
-    return (metal * metal_f0 + layer * layer_f0) / (metal + layer).clamp_min(1e-6)
+    reflects = metal + layer
+    f0 = (metal * metal_f0 + layer * layer_f0) / reflects.clamp_min(1e-6)
+    return torch.where(reflects > TINY, f0, UNKNOWN_F0)  # gloss that the texel does not know

@@ -23,3 +23,10 @@ def test_a_dark_metal_reflects_more_at_grazing_angles_and_a_bright_one_hardly():
         scene.tiles[:, BASE_COLOR], scene.tiles[:, METALLIC] = base, metallic
         f0 = HitSurfaces.of(scene, view, guides, 0, torch.device("cpu")).f0[32, 32].item()
         assert f0 == pytest.approx(expected, abs=0.04)
+
+
+def test_gloss_that_a_texel_does_not_know_is_that_of_plastic():
+    """Of no reflectance at normal incidence, lamps at grazing angles would be millions of times as bright."""
+    scene, (view, guides) = floor_scene(), floor_view()
+    scene.tiles[:, IOR], scene.tiles[:, METALLIC] = 1, 0
+    assert HitSurfaces.of(scene, view, guides, 0, torch.device("cpu")).f0[32, 32].item() == pytest.approx(0.04)
