@@ -17,7 +17,7 @@ from ..scene import Guides, RenderScene, View
 from ..scene_rays import scene_rays
 from ..shading import on_tokens, shading_normals
 from ..surface_kinds import ALL, SEEN, Ray
-from . import denoise_media, emitter_silhouettes, glass_from_inside, rough_gloss
+from . import bumps, denoise_media, emitter_silhouettes, glass_from_inside, rough_gloss
 from .camera_rays import FINDING, CameraRays
 from .denoise_media import Behind
 from .from_rays import lobe_colors
@@ -79,6 +79,8 @@ def guides_from_passes(passes: Passes, scene: RenderScene, view: View, nearest_t
                      hit_barycentric=shown.weights)
     report()
     rays = view_rays(view)[1]
+    mean = passes["normal"] / np.maximum(alpha, COVERED)[..., None]
+    guides = replace(guides, normal_variance=bumps.normal_variance(mean, guides.samples, shown.position, shown.normal))
     several = np.linalg.norm(passes["normal"], axis=-1) < ONE_SURFACE * alpha
     several |= lies_between(guides.normal, shown.normal) & (-dot(shown.normal, rays) > UNBENT)
     several &= shown.token >= 0

@@ -19,6 +19,7 @@ from ..scene import (
     texels,
 )
 from ..surface_kinds import clear_tiles
+from . import bumps
 
 MOST = 0.97               # share that passes straight, above which there is hardly a surface
 UNKNOWN_ROUGHNESS = 0.5  # where no token triangle lies behind a pixel (hair, sub-pixel geometry)
@@ -58,8 +59,8 @@ def roughness_below(roughness: np.ndarray, coat: np.ndarray) -> np.ndarray:
 
 
 def least_hit_roughness(scene: RenderScene, guides: Guides) -> np.ndarray:
-    """(H, W) f32 roughness of the smoother one of a coat and what is below it."""
-    roughness = hit_roughness_below(scene, guides)
+    """(H, W) f32 roughness of the lobe of the smoother one of a coat and what is below it."""
+    roughness = bumps.widened(hit_roughness_below(scene, guides), guides.normal_variance)
     if scene.coat is None:
         return roughness
     weight, _, of_coat, _ = np.moveaxis(hit_values(scene, guides, scene.coat), -1, 0)

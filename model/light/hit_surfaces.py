@@ -11,6 +11,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..camera import view_rays_at
+from ..first_hits import bumps
 from ..first_hits.hit_materials import UNKNOWN_F0, hit_reflectances, hit_roughness_below, hit_values
 from ..material.sheen import albedo as sheen_albedo
 from ..material.sheen import stretch
@@ -59,15 +60,15 @@ class HitSurfaces:
         h, w = guides.alpha.shape
         origin, rays = map(to_tensor, view_rays_at(view, np.arange(w) + 0.5, first_row + np.arange(h)[:, None] + 0.5))
         normal = F.normalize(to_tensor(guides.normal), dim=-1)
-        roughness = to_tensor(hit_roughness_below(scene, guides))
+        below = hit_roughness_below(scene, guides)
         diffuse, glossy, transmission = map(
             to_tensor, (guides.diffuse_color, guides.glossy_albedo, guides.transmission_color))
         cosine, coverage = -dot(normal, rays), to_tensor(guides.alpha)[..., None].clamp(0, 1)
-        f0 = _relative_f0(*map(to_tensor, hit_reflectances(scene, guides)), cosine, roughness)
+        f0 = _relative_f0(*map(to_tensor, hit_reflectances(scene, guides)), cosine, to_tensor(below))
         translucent, sheen, coat = (None if values is None else to_tensor(hit_values(scene, guides, values))
                                     for values in (scene.translucent, scene.sheen, scene.coat))
         return cls(origin, rays, to_tensor(guides.position), normal, coverage,
-                   diffuse, glossy, transmission, roughness, f0,
+                   diffuse, glossy, transmission, to_tensor(bumps.widened(below, guides.normal_variance)), f0,
                    diffuse.mean(-1) / glossy.mean(-1).clamp_min(1e-6),
                    None if guides.straight is None else torch.from_numpy(guides.straight).to(device)[..., None],
                    None if translucent is None else translucent[..., None],

@@ -98,6 +98,10 @@ def test_a_pixel_of_several_surfaces_takes_the_normal_of_the_one_in_its_middle()
     passes |= {"normal": mean, "alpha": ones, "depth": distance[..., None].astype(np.float32), "position": position}
     guides = guides_from_passes(passes, scene, view, nearest_triangles)
     np.testing.assert_allclose(guides.normal, exact, atol=1e-5)
+    assert guides.normal_variance is None
+    bumpy = guides_from_passes(passes | {"normal": 0.98 * mean}, scene, view, nearest_triangles)
+    assert bumpy.normal_variance[0, 0] == pytest.approx(1 - 0.98 ** 2, rel=1e-4)
+    assert bumpy.normal_variance[edge].max() < 0.04  # without bumps the mean of both is short enough
 
 
 @pytest.mark.parametrize("normal, expected", [

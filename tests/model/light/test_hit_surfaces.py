@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the surfaces that pixels show reflect."""
+from dataclasses import replace
+
+import numpy as np
 import pytest
 import torch
 
@@ -30,3 +33,12 @@ def test_gloss_that_a_texel_does_not_know_is_that_of_plastic():
     scene, (view, guides) = floor_scene(), floor_view()
     scene.tiles[:, IOR], scene.tiles[:, METALLIC] = 1, 0
     assert HitSurfaces.of(scene, view, guides, 0, torch.device("cpu")).f0[32, 32].item() == pytest.approx(0.04)
+
+
+def test_bumps_finer_than_a_pixel_make_its_lobe_wider():
+    scene, (view, guides) = floor_scene(), floor_view()
+    smooth, bumpy = (HitSurfaces.of(scene, view, x, 0, torch.device("cpu")) for x in (
+        guides, replace(guides, normal_variance=np.full_like(guides.alpha, 0.1))))
+    assert smooth.roughness[32, 32].item() == pytest.approx(0.6, abs=1e-3)
+    assert bumpy.roughness[32, 32].item() == pytest.approx((0.6 ** 4 + 0.1) ** 0.25, abs=1e-3)
+    torch.testing.assert_close(bumpy.f0, smooth.f0)
