@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..geometry import dot, unit
+from ..pictures import bands
 
 LEAST = 1e-4  # variance of normals that widens no lobe
 EVEN = 0.3    # largest slope of the way to the next pixel, from the surface, where that goes on
@@ -20,13 +21,21 @@ def normal_variance(mean: np.ndarray, samples: np.ndarray | None, position: np.n
     mean: (H, W, 3), of the unit normals of `samples` (H, W); position and geometry: (H, W, 3), in the middle of pixels,
     and unit normals without bumps there; 0 = no hit. 0 where other surfaces are near. None where there are no bumps.
     """
+    variance = np.concatenate([_normal_variance(
+        mean[outer], None if samples is None else samples[outer], position[outer], geometry[outer])[inner]
+        for outer, inner in bands(*mean.shape[:2], margin=1)])
+    return variance if (variance > LEAST).any() else None
+
+
+def _normal_variance(mean: np.ndarray, samples: np.ndarray | None, position: np.ndarray,
+                     geometry: np.ndarray) -> np.ndarray:
+    """The same of some rows."""
     spread = 1 - np.square(mean).sum(-1)
     if samples is not None:
         spread *= samples / (samples - 1).clip(min=1)
     # Two surfaces that share a pixel differ from their mean by half of their difference at most.
     explained = np.maximum(_largest_step2(geometry), _largest_step2(unit(mean))) / 4
-    bumps = np.where(_goes_on(position, geometry) & mean.any(-1), spread - explained, 0).clip(0, 1).astype(np.float32)
-    return bumps if (bumps > LEAST).any() else None
+    return np.where(_goes_on(position, geometry) & mean.any(-1), spread - explained, 0).clip(0, 1).astype(np.float32)
 
 
 def widened(roughness: np.ndarray, variance: np.ndarray | None) -> np.ndarray:

@@ -28,8 +28,8 @@ UNKNOWN_F0 = 0.04        # likewise, of a layer
 
 def hit_roughness(scene: RenderScene, guides: Guides) -> np.ndarray:
     """(H, W) f32 roughness of the texel that each pixel's first hit lies on."""
-    texel, is_known = _hit_texels(scene, guides)
-    return np.where(is_known, texel[..., ROUGHNESS], np.float32(UNKNOWN_ROUGHNESS))
+    texel, is_known = _hit_texels(scene, guides, slice(ROUGHNESS, ROUGHNESS + 1))
+    return np.where(is_known, texel[..., 0], np.float32(UNKNOWN_ROUGHNESS))
 
 
 def hit_reflectances(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -93,30 +93,33 @@ def own_texels(texel: np.ndarray, clear: np.ndarray) -> np.ndarray:
     return texel
 
 
-def _hit_texels(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np.ndarray]:
-    """(H, W, 7) f32 texels of the material tiles, and whether they are of what pixels show (H, W).
+def _hit_texels(scene: RenderScene, guides: Guides, channels: slice = PARAMETERS) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W, C) f32, these channels of the material tiles, and whether they are of what pixels show (H, W).
 
     Without what lets light pass straight. A texel may lie in a hole beside the leaf that a pixel shows.
     """
-    hit = guides.hit_triangle
-    if guides.material is not None:
-        texel = guides.material.astype(np.float32)
-    elif not len(scene.triangles):
-        return np.zeros((*hit.shape, len(range(TILE_CHANNELS)[PARAMETERS])), np.float32), hit >= 0
-    else:
-        x, y = texels(guides.hit_barycentric)
-        texel = scene.tiles[scene.seen_tile[np.maximum(hit, 0)], PARAMETERS, y, x].astype(np.float32)
-    clear = hit_values(scene, guides, clear_tiles(scene))
+    is_known, clear = guides.hit_triangle >= 0, clear_tiles(scene)
+    if not clear.any():
+        return _tile_texels(scene, guides, channels), is_known
+    texel, clear = _tile_texels(scene, guides, PARAMETERS), hit_values(scene, guides, clear)
     rows = clear.any(axis=-1)
     if guides.straight is not None:  # of these they are already of the surface alone
         rows &= ~guides.straight
-    if not rows.any():
-        return texel, hit >= 0
     color = clear[rows] / clear[rows].max(axis=1, keepdims=True)
     # Transmission is the share of the window in the luminance of both.
     share = texel[rows, TRANSMISSION] * (texel[rows, BASE_COLOR] @ LUMINANCE) / (color ** 2 @ LUMINANCE)
     share = share.clip(0, 1)
     texel[rows] = own_texels(texel[rows], color * share[:, None])
-    is_known = hit >= 0
     is_known[rows] = share < MOST
-    return texel, is_known
+    return texel[..., channels], is_known
+
+
+def _tile_texels(scene: RenderScene, guides: Guides, channels: slice) -> np.ndarray:
+    """(H, W, C) f32, as of the tiles; arbitrary where nothing is hit."""
+    if guides.material is not None:
+        return guides.material[..., channels].astype(np.float32)
+    hit = guides.hit_triangle
+    if not len(scene.triangles):
+        return np.zeros((*hit.shape, len(range(TILE_CHANNELS)[channels])), np.float32)
+    x, y = texels(guides.hit_barycentric)
+    return scene.tiles[scene.seen_tile[np.maximum(hit, 0)], channels, y, x].astype(np.float32)
