@@ -152,6 +152,8 @@ class Guides:
     refracted_position: np.ndarray | None = None
     refracted_normal: np.ndarray | None = None
     refracted_color: np.ndarray | None = None
+    reflected_group: np.ndarray | None = None  # (H, W, 1) f16, of surfaces, theirs; None where lights tell none apart
+    refracted_group: np.ndarray | None = None
     # (H, W, 3) f32, radiance of the lamps and of the sky that they end at, times the same; of reflections that which is
     # seen by way of another surface. None as above
     reflected_light: np.ndarray | None = None

@@ -27,7 +27,7 @@ from .direct.pixels import add_sheen, direct_light
 from .edges import find_edges
 from .effort import FULL, Effort
 from .hit_surfaces import HitSurfaces, tensors_on
-from .probes import SMOOTH, Probes, probe_grid
+from .probes import SMOOTH, ComputeLight, Probes, probe_grid
 from .separation import Separation
 from .specular.paths import blur
 from .specular.pixels import SeenLobe, path_end_light, reflected_light, refracted_light
@@ -93,7 +93,10 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     rise = surfaces.rise
     raised = surfaces.position + rise * surfaces.normal
     probes = make_probes(raised, surfaces.normal, surfaces.is_covered, separation=separation)
-    outgoing = partial(outgoing_radiance, radiosity, direct if with_direct else None, effort)
+
+    def outgoing(group: int | None = None) -> ComputeLight:
+        return partial(outgoing_radiance, radiosity, direct.reaching(group) if with_direct else None, effort)
+
     with part(0.02, 0.3):
         bounced, sky, fire = diffuse_bounces(radiosity, probes, effort, with_direct)
     path_ends = partial(path_end_light, make_probes, outgoing, filters, direct.device)
@@ -127,7 +130,7 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
             through = light_behind(partial(radiosity.behind, effort=effort), probes, rise, filters, is_translucent)
             with_chains, bounced = (torch.lerp(bounced, through[kind], surfaces.translucent)
                                     for kind in ("all", "bounced" if is_traced else "all"))
-        behind = light_behind(outgoing, probes, rise, filters, passes)
+        behind = light_behind(outgoing(), probes, rise, filters, passes)
     with part(0.6, 0.7):
         refracted = refracted_light(guides, surfaces, direct, gather, path_ends, with_direct)
     dark = torch.zeros_like(bounced)

@@ -75,6 +75,8 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
         ends = _follow(guides, scene, view, lobe, rows, columns, step, media)
         values = _values(ends, lobe)
         values[f"{lobe.name}_color"] = _mean_color(scene, ends, rows // step, columns // step)
+        if scene.group is not None:
+            values[f"{lobe.name}_group"] = _groups(scene, ends)
         for name, value in values.items():
             picture = np.zeros((*mask.shape, value.shape[1]), np.float32 if name.endswith(FULL) else np.float16)
             picture[rows, columns] = value
@@ -129,6 +131,11 @@ def _mean_color(scene: RenderScene, ends: list[PathEnds], *pixel: np.ndarray) ->
     share, *surface = (np.concatenate([getattr(chunk, kind) for chunk in ends])
                        for kind in ("share", "position", "normal", "triangle", "albedo"))
     return share * mean_albedo(scene, *pixel, *surface)
+
+
+def _groups(scene: RenderScene, ends: list[PathEnds]) -> np.ndarray:
+    """(S, 1) groups of the surfaces at which all paths end."""
+    return scene.group[scene.surfaces.token[np.concatenate([chunk.triangle for chunk in ends])]][:, None]
 
 
 def _media(scene: RenderScene) -> Media | None:

@@ -19,7 +19,7 @@ from ..chunks import in_chunks
 from ..direct.direct_light import CHUNK, DirectLight
 from ..fresnel import lobe_albedo
 from ..hit_surfaces import HitSurfaces, tensors_on
-from ..probes import Filter, Probes
+from ..probes import ComputeLight, Filter, Probes
 from ..sampling import r2_starts
 from ..vectors import dot, unit
 from .frosted import frosted
@@ -83,13 +83,13 @@ def refracted_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, 
     return dict(zip(light, blurred.split(3, -1), strict=True))
 
 
-def path_end_light(make_probes: Callable[..., Probes], outgoing: Callable[..., dict[str, Tensor]],
+def path_end_light(make_probes: Callable[..., Probes], outgoing: Callable[[int | None], ComputeLight],
                    filters: Iterable[Filter], device: torch.device, lobe: str,
                    guides: Guides) -> tuple[dict[str, Tensor], Tensor]:
     """(h, W, 3) radiance from the surfaces at which specular paths end, tinted, and (h, W, 1) bool where they meet any.
 
-    lobe: "reflected" or "refracted". outgoing(position, normal, number): (P, 3) radiance of white diffuse surfaces, of
-    several kinds. Empty where no paths were followed.
+    lobe: "reflected" or "refracted". outgoing(group): of positions, normals and numbers, the radiance (P, 3) of white
+    diffuse surfaces of a group, of several kinds. Empty where no paths were followed.
     """
     to_tensor = tensors_on(device)
     arrays = [getattr(guides, f"{lobe}_{kind}") for kind in ("position", "normal", "color")]
@@ -98,8 +98,14 @@ def path_end_light(make_probes: Callable[..., Probes], outgoing: Callable[..., d
     position, normal, color = map(to_tensor, arrays)
     is_lit = color.amax(-1, keepdim=True) > 0
     probes = make_probes(position, unit(normal), is_lit)
-    light = probes.interpolate(outgoing, filters=filters)
-    return {kind: radiance * color for kind, radiance in light.items()}, (normal != 0).any(-1, keepdim=True)
+    groups = getattr(guides, f"{lobe}_group")
+    if groups is None:
+        lights = [probes.interpolate(outgoing(None), filters=filters)]
+    else:
+        lights = [probes.interpolate(outgoing(number), where=is_lit & (to_tensor(groups) == number), filters=filters)
+                  for number in np.unique(groups).astype(int).tolist()]
+    light = {kind: sum(some[kind] for some in lights) * color for kind in lights[0]}
+    return light, (normal != 0).any(-1, keepdim=True)
 
 
 class SeenLobe(NamedTuple):
