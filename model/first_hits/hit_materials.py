@@ -21,7 +21,7 @@ from ..scene import (
 from ..surface_kinds import clear_tiles
 from . import bumps
 
-MOST = 0.97               # share that passes straight, above which there is hardly a surface
+MOST = 0.97              # share that passes straight, above which there is hardly a surface
 UNKNOWN_ROUGHNESS = 0.5  # where no token triangle lies behind a pixel (hair, sub-pixel geometry)
 UNKNOWN_F0 = 0.04        # likewise, of a layer
 

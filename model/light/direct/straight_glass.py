@@ -37,10 +37,12 @@ class StraightGlass(NamedTuple):
     def of(cls, scene: RenderScene, device: torch.device | str) -> StraightGlass:
         rays = scene_rays(scene)
         rows = rays.rows(BENDING, Ray.SHADOW)
-        corners, tile = scene.surfaces.triangles[rows], scene.tile_index[scene.surfaces.token[rows]]
-        f0 = layer_reflectance(*tile_means(scene.tiles[:, (IOR, TRANSMISSION)]).T)
+        corners = scene.surfaces.triangles[rows]
+        used, tile = np.unique(scene.tile_index[scene.surfaces.token[rows]], return_inverse=True)
+        tiles = scene.tiles[used]
+        f0 = layer_reflectance(*tile_means(tiles[:, (IOR, TRANSMISSION)]).T)
         normal, tint, f0 = (torch.from_numpy(np.float32(x)).to(device) for x in (
-            unit(area_vectors(corners)), tile_tints(scene.tiles)[tile], f0[tile]))
+            unit(area_vectors(corners)), tile_tints(tiles)[tile], f0[tile]))
         return cls(TensorRays(rays.among(BENDING, Ray.SHADOW)), BoundingSphere.of(corners, device),
                    torch.from_numpy(rows.astype(np.int64)).to(device), normal, tint, f0)
 
