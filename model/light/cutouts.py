@@ -7,14 +7,13 @@ import torch
 from torch import Tensor
 
 from ..rays import Rays
-from ..scene import RenderScene, tile_tints
+from ..scene import RenderScene
 from ..scene_rays import scene_rays
-from ..surface_kinds import BENDING, STRAIGHT_THROUGH, Kind, Ray, clear_tiles, is_kind
+from ..surface_kinds import STRAIGHT_THROUGH, Ray, clear_tiles, is_kind
 from .sampling import hashed_starts
 from .tensor_rays import TensorHits, TensorRays
 
 LAYERS = 8    # that dim a ray
-OF_GLASS = 0.96  # share of light that passes its surface
 CLEAR = 0.98  # tint from which on a surface is not there
 GAP = 1e-4    # network units behind a surface where a ray goes on
 
@@ -27,19 +26,16 @@ class Cutouts:
         self._surfaces, self._tint = TensorRays(surfaces), tint
 
     @classmethod
-    def of(cls, scene: RenderScene, ray: Ray, device: torch.device | str, with_glass: bool = False) -> Cutouts | None:
-        """Those that such rays meet, and `with_glass` that as if it bent nothing; None where none dims light."""
+    def of(cls, scene: RenderScene, ray: Ray, device: torch.device | str) -> Cutouts | None:
+        """Those that such rays meet; None where none dims light."""
         rows, passed = scene_rays(scene).rows(STRAIGHT_THROUGH, ray), np.full(len(scene), -1)
         if ray is Ray.SHADOW:
             passed = scene.seldom("shadow_tile")
             rows = np.union1d(rows, np.flatnonzero(passed[scene.surfaces.token] >= 0))
-        glass = np.setdiff1d(scene_rays(scene).rows(BENDING if with_glass else Kind(0), ray), rows)
-        rows = np.concatenate([rows, glass])
         if not len(rows):
             return None
         tile = np.where(passed < 0, scene.tile_index, passed)[scene.surfaces.token[rows]]
         tint = clear_tiles(scene)[tile]
-        tint[len(rows) - len(glass):] = OF_GLASS * tile_tints(scene.tiles)[tile[len(rows) - len(glass):]]
         dims = (tint < CLEAR).any(axis=1)
         if not dims.any():
             return None

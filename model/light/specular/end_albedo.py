@@ -23,8 +23,9 @@ def mean_albedo(scene: RenderScene, row: np.ndarray, column: np.ndarray, positio
     """
     step = _steps(row, column, position, normal, triangle >= 0)
     tile = _tiles(scene, triangle, normal)
-    is_textured = np.ptp(scene.tiles[:, BASE_COLOR], axis=(2, 3)).max(axis=1) > EVEN
-    some = np.flatnonzero((triangle >= 0) & is_textured[tile] & step.any(axis=(1, 2)))
+    used, number = np.unique(tile, return_inverse=True)
+    is_textured = np.ptp(scene.tiles[used][:, BASE_COLOR], axis=(2, 3)).max(axis=1) > EVEN
+    some = np.flatnonzero((triangle >= 0) & is_textured[number] & step.any(axis=(1, 2)))
     corners, mean = scene.triangles[scene.surfaces.token[triangle[some]]], albedo.copy()
     middle, down, right = (np.float32(barycentric(corners, position[some] + way)) for way in (
         0, step[some, 0], step[some, 1]))
