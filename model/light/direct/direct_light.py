@@ -154,9 +154,9 @@ class DirectLight:
         """As EmitterLight.visibility."""
         return in_chunks(CHUNK, self.emitters.visibility, position, normal, origin, start, *gloss)
 
-    def may_arrive(self, position: Tensor) -> Tensor:
-        """As EmitterLight.may_arrive."""
-        return in_chunks(CHUNK, self.emitters.may_arrive, position)
+    def may_pass_glass(self, position: Tensor) -> Tensor:
+        """As EmitterLight.may_pass_glass."""
+        return in_chunks(CHUNK, self.emitters.may_pass_glass, position)
 
     def highlights(self, position: Tensor, normal: Tensor, start: Tensor, *gloss: Tensor) -> Tensor:
         """As EmitterLight.highlights."""

@@ -154,9 +154,9 @@ class EmitterLight:
         return *(_arriving(lobe, visible, radiance) / (lobe @ radiance).clamp_min(1e-12)
                  for lobe, radiance in zip(lobes, (self._to_diffuse, self._to_glossy))), disagreement
 
-    def may_arrive(self, x: Tensor) -> Tensor:
-        """(P,) bool: whether any of the light may arrive at points x (P, 3)."""
-        return self._shadows.may_arrive(x)
+    def may_pass_glass(self, x: Tensor) -> Tensor:
+        """(P,) bool: whether glass may be before any emitter at points x (P, 3); of `through_glass` alone."""
+        return self._shadows.may_pass_glass(x)
 
     def highlights(self, x: Tensor, n: Tensor, start: Tensor, *gloss: Tensor) -> Tensor:
         """(P, 3) radiance of the emitters that white glossy lobes send on, past what is in the way.

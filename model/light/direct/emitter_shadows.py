@@ -62,10 +62,8 @@ class EmitterShadows:
             setattr(one, name, getattr(self, name)[row:row + 1])
         return one
 
-    def may_arrive(self, x: Tensor) -> Tensor:
-        """As EmitterLight.may_arrive."""
-        if self._glass is None:
-            return torch.ones_like(x[:, 0], dtype=torch.bool)
+    def may_pass_glass(self, x: Tensor) -> Tensor:
+        """As EmitterLight.may_pass_glass."""
         ray = self._shapes.origins - x[:, None] * ~self._shapes.is_distant[:, None]
         distance = length(ray)
         width = self._shapes.reach * (FARTHEST / distance.clamp_min(1e-9)).clamp(max=1)

@@ -133,20 +133,20 @@ class SeenLobe(NamedTuple):
         seen, highlights = self.surfaces, torch.zeros_like(self.share)
         if not len(direct.emitters):
             return highlights
-        is_lit = seen.is_covered[..., 0]
-        is_lit = is_lit.index_put((is_lit,), direct.may_arrive(seen.position[is_lit]))
-        at = is_lit.nonzero().unbind(1)
+        at = seen.is_covered[..., 0].nonzero().unbind(1)
         start = r2_starts(torch.arange(RAYS * len(at[0]), device=direct.device)).view(-1, RAYS, 2)
         return highlights.index_put(at, self.share[at] * direct.highlights(
             seen.position[at], seen.normal[at], start, -seen.rays[at], seen.roughness[at], seen.f0[at]))
 
     def highlights_through_glass(self, direct: DirectLight) -> Tensor:
         """The same of those whose light goes straight through glass."""
-        # Cycles blurs glass (Filter Glossy 1) behind lobes whose density, here that in the middle, is below 1.
         if not direct.has_glass:
             return torch.zeros_like(self.share)
+        # Cycles blurs glass (Filter Glossy 1) behind lobes whose density, here that in the middle, is below 1.
         density = 1 / (4 * math.pi * self.roughness.clamp_min(0.1) ** 4)
-        return density.clamp(max=1).square() * self.highlights(direct.through_glass)
+        straight, position = direct.through_glass, self.surfaces.position
+        is_lit = straight.may_pass_glass(position.flatten(0, 1)).view_as(density)
+        return density.clamp(max=1).square() * self.among(is_lit).highlights(straight)
 
     def add_gloss(self, light: dict[str, Tensor], direct: DirectLight, gather: Gather) -> None:
         """Add to (h, W, 3) "bounced" or "complete", in place, what it mirrors but lamps: surfaces and the sky.
