@@ -43,6 +43,16 @@ def test_only_rays_that_cross_the_medium_are_smoothed(noisy):
         assert now[inside].mean() == pytest.approx(before[inside].mean(), abs=0.03)
 
 
+def test_samples_that_end_in_a_medium_are_no_bumps(noisy):
+    """They have no normal, so that the mean of a pixel's normals is short there."""
+    view, guides = noisy
+    guides.normal_variance = np.float32(1 - guides.alpha)
+    volumes = fog((0.3, 0, 1.0), 0.5)
+    inside, after = crossed(guides, volumes, view), smoothed(guides, volumes, view)
+    assert not after.normal_variance[inside].any()
+    np.testing.assert_array_equal(after.normal_variance[~inside], guides.normal_variance[~inside])
+
+
 def test_a_turned_box_is_crossed_where_it_is(noisy):
     view, guides = noisy
     straight, turned = (crossed(guides, fog((0, 0, 1.0), 0.8, angle), view) for angle in (0.0, np.pi / 4))
