@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from ...first_hits.camera_rays import SAMPLES
 from ..sampling import R2, disk_points, local_basis, triangle_weights
 from ..vectors import dot, unit
 from .emitter_clusters import Emitters
@@ -151,24 +152,21 @@ class EmitterShapes:
         pairs = where.nonzero()
         if not len(pairs):
             return share
+        size = PAIRS if len(points) == 5 else PAIRS // SAMPLES
         exact = [self._mean_share(emitter, *(values[point] for values in points))
-                 for point, emitter in (some.unbind(1) for some in pairs.split(PAIRS))]
+                 for point, emitter in (some.unbind(1) for some in pairs.split(size))]
         return share.index_put(pairs.unbind(1), torch.cat(exact))
 
     def _mean_share(self, emitter: Tensor, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor, f0: Tensor,
                     footprint: Tensor | None = None) -> Tensor:
         """(R,) of pairs."""
-        def share(x: Tensor, n: Tensor, v: Tensor) -> Tensor:
-            return emitter_share(self._outlines(x, emitter), n.T, v.T, roughness, f0)
-
         if footprint is None:
-            return share(x, n, v)
-        surface = torch.cat([x, n, v], 1)
-        shares = []
-        for change in points_within(footprint):
-            x, n, v = (surface + change).split(3, 1)
-            shares.append(share(x, unit(n), unit(v)))
-        return sum(shares) / len(shares)
+            return emitter_share(self._outlines(x, emitter), n.T, v.T, roughness, f0)
+        within = torch.cat([x, n, v], 1) + points_within(footprint)  # all points at once, for pairs are few
+        x, n, v = within.flatten(0, 1).split(3, 1)
+        emitter, roughness, f0 = (values.repeat(len(within)) for values in (emitter, roughness, f0))
+        return emitter_share(self._outlines(x, emitter), unit(n).T, unit(v).T, roughness, f0).unflatten(
+            0, within.shape[:2]).mean(0)
 
     def _outlines(self, x: Tensor, emitter: Tensor) -> Tensor:
         """(RING, 3, R) vectors from points (R, 3) to the outlines of emitters (R,)."""

@@ -60,9 +60,9 @@ def roughness_within(surfaces: HitSurfaces) -> Tensor:
     return (surfaces.roughness ** 4 + TURNED * turn2).clamp(max=1) ** 0.25
 
 
-def points_within(footprint: Tensor) -> list[Tensor]:
-    """(P, 9) changes of these at points of pixels, which are distributed as Cycles' filter, by footprints (P, 2, 9)."""
-    return [(offset[:, None] * footprint).sum(1) for offset in offsets_within(footprint.device)]
+def points_within(footprint: Tensor) -> Tensor:
+    """(K, P, 9) changes of these at K points of pixels, distributed as Cycles' filter, by footprints (P, 2, 9)."""
+    return torch.einsum("kj,pji->kpi", offsets_within(footprint.device), footprint)
 
 
 def offsets_within(device: torch.device) -> Tensor:
