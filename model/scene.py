@@ -319,8 +319,8 @@ class RenderScene:
     # Diffuse and specular reflectance of tiles that the parameters show as one surface in between; 0 for others
     two_lobes: np.ndarray | None = array("T", len(TWO_LOBES), TILE_SIZE, TILE_SIZE, dtype=np.float16,
                                          channels=TWO_LOBES, default="none")
-    # Share of a tile's diffuse light that goes to the other side; None = nothing
-    translucent: np.ndarray | None = array("T", default="none")
+    # Share of a tile's diffuse light that goes to the other side, by colour; None = nothing
+    translucent: np.ndarray | None = array("T", 3, behaves={COLOR: -1}, default="none")
     # Share of a tile's diffuse light that hair scatters, which Cycles' passes have as gloss; None = nothing
     fibre: np.ndarray | None = array("T", default="none")
     # Share of the light that passes a tile straight; None = what it transmits, if its IOR bends nothing

@@ -125,7 +125,7 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
         passes = surfaces.is_glass
         with_chains = bounced
         if surfaces.translucent is not None:
-            is_translucent = surfaces.translucent > 0
+            is_translucent = surfaces.translucent.any(-1, keepdim=True)
             passes = passes | is_translucent
             through = light_behind(partial(radiosity.behind, effort=effort), probes, rise, filters, is_translucent)
             with_chains, bounced = (torch.lerp(bounced, through[kind], surfaces.translucent)

@@ -48,7 +48,7 @@ class HitSurfaces:
     f0: Tensor             # (h, W), of the glossy lobe, relative to its reflectance at grazing angles
     diffuse_ratio: Tensor  # (h, W), diffuse over glossy albedo
     straight: Tensor | None = None  # (h, W, 1) bool, where transmission goes straight on, if it does anywhere
-    translucent: Tensor | None = None  # (h, W, 1), share of diffuse light that comes from the other side, if any does
+    translucent: Tensor | None = None  # (h, W, 3), share of diffuse light that comes from the other side, if any does
     sheen: Tensor | None = None  # (h, W, 4), RGB share of diffuse light that is of a sheen, and its stretch, if any is
     coat: Coat | None = None  # if any has one
     group: np.ndarray | None = None  # (h, W) u8, of surfaces, where lights tell some apart
@@ -71,7 +71,7 @@ class HitSurfaces:
                    diffuse, glossy, transmission, to_tensor(bumps.widened(below, guides.normal_variance)), f0,
                    diffuse.mean(-1) / glossy.mean(-1).clamp_min(1e-6),
                    None if guides.straight is None else torch.from_numpy(guides.straight).to(device)[..., None],
-                   None if translucent is None else translucent[..., None],
+                   translucent,
                    None if sheen is None else _sheen(sheen, cosine, coverage, diffuse),
                    None if coat is None else _coat(coat, cosine, coverage, glossy),
                    None if scene.group is None or not len(scene) else scene.group[guides.hit_triangle.clip(0)])

@@ -52,7 +52,7 @@ def translucent_chains(gathered: Gathered, first: Tensor, through: Tensor, most:
 
 
 def spread_through(translucent: Tensor | None, light: Tensor) -> Tensor:
-    """Of light (sides, 3) that arrives at fronts, then backs, with a share (sides, 1) of the other side's."""
+    """Of light (sides, 3) that arrives at fronts, then backs, with a share (sides, 3) of the other side's."""
     if translucent is None:
         return light
     return torch.lerp(light, light.roll(len(light) // 2, 0), translucent)
@@ -63,7 +63,7 @@ def bounce(gathered: Gathered, light: Tensor, of_lobes: Tensor, diffuse: Tensor,
     """What becomes of `light` (sides, 3) that leaves the patches, by as many bounces as are allowed: (sides, 3) each.
 
     Separately by glossy bounces alone, which Cycles' traced light follows from mirrors, and by all others. of_lobes:
-    (sides, 3), what of the light goes the way of PatchLobes. translucent: (sides, 1), of diffuse light the share that
+    (sides, 3), what of the light goes the way of PatchLobes. translucent: (sides, 3), of diffuse light the share that
     leaves the other side, which counts as transmission.
     """
     reflected = diffuse if translucent is None else diffuse * (1 - translucent)

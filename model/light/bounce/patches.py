@@ -52,7 +52,7 @@ class Patches:
     layer: Tensor    # (S, 2) f32, f0 and perceptual roughness of that layer
     back_albedo: Tensor  # (S, 9) f32, the same of their backs
     back_layer: Tensor   # (S, 2) f32
-    translucent: Tensor  # (S, 1) f32, share of the diffuse light that goes to the other side
+    translucent: Tensor  # (S, 3) f32, share of the diffuse light that goes to the other side
     glow: Tensor     # (S, 3) f32, radiance of their own
     patch: Tensor    # (T,) i64, row of the patch that a triangle belongs to
     corners: Tensor  # (T, 3, 3) f32
@@ -123,7 +123,7 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     corners, source = subdivision.pieces()
     token = scene.surfaces.token[source]
     material = np.concatenate([material[scene.tile_index], material[scene.tile_behind],
-                               scene.of_tiles("translucent")[scene.tile_index][:, None], scene.surface_glow], axis=1)
+                               scene.of_tiles("translucent")[scene.tile_index], scene.surface_glow], axis=1)
     density = patch_density(scene.triangles.mean(axis=1), emitters, scene.is_light)
     element, largest = group_elements(corners, token, density)
     vector = _sums(area_vectors(corners), element)
@@ -140,7 +140,7 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     group_of_patch[patch.numpy()], patch_shines[patch.numpy()] = group, shines
     density = patch_density(center.numpy(), emitters, patch_shines)
     weight = vector.norm(dim=-1) * torch.from_numpy(density).float()
-    return Patches(center, vector, *material.split([9, 2, 9, 2, 1, 3], 1), patch[torch.from_numpy(element)],
+    return Patches(center, vector, *material.split([9, 2, 9, 2, 3, 3], 1), patch[torch.from_numpy(element)],
                    torch.from_numpy(corners), torch.from_numpy(subdivision.interpolated(scene.surfaces.normals)),
                    subdivision.heights(scene.surfaces.normals),
                    torch.from_numpy(solid), group_of_patch, weight, subdivision.locator())

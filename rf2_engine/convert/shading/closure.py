@@ -17,7 +17,8 @@ from .normal_map import UP
 IOR_RANGE = (1.0, 2.5)  # the mappers' training range
 GLASS_IOR = np.float32(1.06)  # least of glass: what lets light straight through, as Cycles' shadow rays pass, has less
 TINY = 1e-4
-CHANNELS = {"color": 3, "normal": 3, "emission": 3, "clear": 3, "sheen": 4, "coat": 4}  # of a Closure; others have 1
+# Of a Closure; others have 1.
+CHANNELS = {"color": 3, "normal": 3, "emission": 3, "clear": 3, "translucent": 3, "sheen": 4, "coat": 4}
 BRIGHTEST = np.float32(100)  # colour of a surface, where a node divides by almost 0
 ONE, ZERO = np.ones(1, np.float32), np.zeros(1, np.float32)
 WHITE, BLACK = np.ones(3, np.float32), np.zeros(3, np.float32)
@@ -38,7 +39,7 @@ class Closure:
     normal: np.ndarray = None        # (..., 3)
     emission: np.ndarray = None      # (..., 3) radiance
     clear: np.ndarray = None         # (..., 3) share of the light that goes straight through
-    translucent: np.ndarray = None   # (..., 1) by luminance, of what sends its light to the other side
+    translucent: np.ndarray = None   # (..., 3) colour of what sends its light to the other side
     fibre: np.ndarray = None         # (..., 1) by luminance, of what hair scatters
     sheen: np.ndarray = None         # (..., 4) colour, its mean over views is in `color`; roughness by luminance
     guessed: np.ndarray = None       # (..., 1) by luminance, of lobes that have another shape
@@ -132,7 +133,7 @@ def parameters(closure: Closure) -> SurfaceParameters:
     ior, transmission = mean(closure.ior, closure.weight, 1.0), mean(closure.transmission, closure.lobe, 0.0)
     (sheen, sheen_roughness), (coat, of_coat) = np.split(closure.sheen, [3], -1), np.split(closure.coat, [1], -1)
     is_glass = (transmission > TRANSPARENT) & (closure.clear.mean(axis=-1, keepdims=True) < TRANSPARENT)
-    diffuse = closure.lobe - closure.metallic - closure.transmission
+    diffuse = closure.color * mean(closure.lobe - closure.metallic - closure.transmission, closure.lobe, 0.0)
     return SurfaceParameters(
         base_color=np.clip(closure.color, 0, BRIGHTEST).astype(np.float32),
         metallic=mean(closure.metallic, closure.lobe, 0.0), roughness=mean(closure.roughness, closure.gloss, 1.0),

@@ -59,7 +59,7 @@ QUARTERS = np.float32([  # weights of corners at those of the quarters of a tria
     [(0, 1, 1), (1, 0, 1), (1, 1, 0)]]) / 2
 NO_LATENT = (0.0,) * 9
 # Of a tile (model/scene.py)
-BESIDE = Channels(1, translucent=1, fibre=1, clear=3, sheen=len(SHEEN), coat=len(COAT), guessed=1, single=1)
+BESIDE = Channels(1, translucent=3, fibre=1, clear=3, sheen=len(SHEEN), coat=len(COAT), guessed=1, single=1)
 OPAQUE = np.zeros(len(BESIDE), np.float32)
 
 

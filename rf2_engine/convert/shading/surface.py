@@ -138,7 +138,7 @@ def subsurface(n: NodeCall):
 def translucent(n: NodeCall):
     n.folded(f"in mirrors and behind glass {n.node.bl_label} is shown as Diffuse")
     closure = diffuse(n)
-    closure.translucent = closure.lobe
+    closure.translucent = closure.color
     return closure
 
 
@@ -156,7 +156,7 @@ def principled_hair(n: NodeCall):
         absorption = fibre.absorption_of_color(n["Color"], radial)
     back, through = fibre.albedo(absorption, n["IOR"])
     closure = lobe(back + through)
-    closure.fibre, closure.translucent = closure.lobe, np.minimum(through @ LUMINANCE[:, None], closure.lobe)
+    closure.fibre, closure.translucent = closure.lobe, np.minimum(through, closure.color)
     return closure
 
 

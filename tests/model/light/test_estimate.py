@@ -37,7 +37,7 @@ def test_light_behind_a_surface_is_gathered_where_it_lets_light_through():
 
 def test_what_a_translucent_sheet_lets_straight_through_is_not_light_of_its_back():
     scene, (view, guides) = floor_scene(), floor_view()
-    scene.translucent = np.full(len(scene.tiles), 0.5, np.float32)
+    scene.translucent = np.full((len(scene.tiles), 3), 0.5, np.float32)
     guides.position = guides.position + np.float32((0, 0, 0.5)) * (guides.alpha[..., None] > 0)
     guides.transmission_color, guides.straight = guides.diffuse_color, guides.alpha > 0
     found = estimate_light(scene_light(scene), view, guides)

@@ -272,7 +272,7 @@ def test_passing_a_translucent_sheet_costs_no_diffuse_bounce():
     """One spans a box; light passes it many times between the walls above and below."""
     corners = np.float32([[(-1, -1, -0.5), (1, -1, -0.5), (1, 1, -0.5)], [(-1, -1, -0.5), (1, 1, -0.5), (-1, 1, -0.5)]])
     sheet, under = flat(corners, (0.8, 0.8, 0.8)), torch.tensor([[0.2, 0.1, -0.6], [-0.4, 0.3, -0.6]])
-    sheet.translucent = np.ones(len(sheet.tiles), np.float32)
+    sheet.translucent = np.ones((len(sheet.tiles), 3), np.float32)
     scene = closed_box((0.5, 0.5, 0.5)).appended(sheet)
     least, most = (built(replace(scene, bounces=np.int32([2, 4, transmission, 12]))).diffuse(under, UP.expand(2, 3))
                    for transmission in (0, 12))

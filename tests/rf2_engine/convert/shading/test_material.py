@@ -326,7 +326,8 @@ def test_hair_of_one_color_is_the_same_by_its_color_and_its_melanin():
             node.inputs[name].default_value = value
         tiles = MaterialTiles(Report())
         index, _ = tiles.triangle_tiles(copied(made), triangles(1))
-        assert tiles.beside["fibre"][index] == 1 and 0 < tiles.beside["translucent"][index] < 1
+        through = tiles.beside["translucent"][index]
+        assert tiles.beside["fibre"][index] == 1 and (through > 0).all() and (through < 1).all()
         return tiles.tiles[index[0], :3, 0, 0].astype(np.float32)
 
     blond, dark = tile("MELANIN", Melanin=0.15), tile("MELANIN", Melanin=0.95)
@@ -370,6 +371,18 @@ def test_tiles_say_what_coat_and_sheen_are():
     np.testing.assert_allclose(tiles.beside["coat"][index[0]], (0.8, 0.04, 0.1, share), atol=1e-3)
     roughness = tiles.tiles[index[0], ROUGHNESS, 0, 0]
     assert (float(roughness) - share * 0.1) / (1 - share) == pytest.approx(0.5, abs=2e-3)
+
+
+def test_translucent_light_has_a_color_of_its_own():
+    made, tree, add = material("ShaderNodeAddShader")
+    for node, color, input in zip(("ShaderNodeBsdfDiffuse", "ShaderNodeBsdfTranslucent"),
+                                  ((0.1, 0.3, 0.2, 1), (0.3, 0.3, 0, 1)), add.inputs, strict=True):
+        shader = tree.nodes.new(node)
+        shader.inputs["Color"].default_value = color
+        tree.links.new(shader.outputs[0], input)
+    tiles = MaterialTiles(Report())
+    index, _ = tiles.triangle_tiles(copied(made), triangles(1))
+    assert tiles.beside["translucent"][index[0]] == pytest.approx([0.75, 0.5, 0], abs=1e-3)
 
 
 @pytest.mark.parametrize("cut", [None, 0.5, "ShaderNodeTexChecker"])
