@@ -3,15 +3,13 @@
 spreads as if that were rougher (Toksvig 2005)."""
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from ..geometry import dot, unit
-from ..pictures import bands
 
 LEAST = 1e-4  # variance of normals that widens no lobe
 EVEN = 0.3    # largest slope of the way to the next pixel, from the surface, where that goes on
+PIXELS = 1 << 16  # whose surroundings are looked at together
 
 
 def normal_variance(mean: np.ndarray, samples: np.ndarray | None, position: np.ndarray,
@@ -21,21 +19,20 @@ def normal_variance(mean: np.ndarray, samples: np.ndarray | None, position: np.n
     mean: (H, W, 3), of the unit normals of `samples` (H, W); position and geometry: (H, W, 3), in the middle of pixels,
     and unit normals without bumps there; 0 = no hit. 0 where other surfaces are near. None where there are no bumps.
     """
-    variance = np.concatenate([_normal_variance(
-        mean[outer], None if samples is None else samples[outer], position[outer], geometry[outer])[inner]
-        for outer, inner in bands(*mean.shape[:2], margin=1)])
-    return variance if (variance > LEAST).any() else None
-
-
-def _normal_variance(mean: np.ndarray, samples: np.ndarray | None, position: np.ndarray,
-                     geometry: np.ndarray) -> np.ndarray:
-    """The same of some rows."""
-    spread = 1 - np.square(mean).sum(-1)
+    variance = 1 - np.square(mean).sum(-1)
     if samples is not None:
-        spread *= samples / (samples - 1).clip(min=1)
-    # Two surfaces that share a pixel differ from their mean by half of their difference at most.
-    explained = np.maximum(_largest_step2(geometry), _largest_step2(unit(mean))) / 4
-    return np.where(_goes_on(position, geometry) & mean.any(-1), spread - explained, 0).clip(0, 1).astype(np.float32)
+        variance *= samples / (samples - 1).clip(min=1)
+    variance[~mean.any(-1)] = 0
+    uneven = np.flatnonzero(variance > LEAST)
+    for first in range(0, len(uneven), PIXELS):
+        pixel = uneven[first:first + PIXELS]
+        steps = _steps_around(geometry, pixel)
+        # Two surfaces that share a pixel differ from their mean by half of their difference at most.
+        explained = np.maximum(_largest2(steps), _largest2(_steps_around(mean, pixel, unit))) / 4
+        goes_on = _goes_on(_steps_around(position, pixel), geometry.reshape(-1, 3)[pixel], steps)
+        variance.flat[pixel] = np.where(goes_on, variance.flat[pixel] - explained, 0)
+    variance = np.where(variance > LEAST, variance, 0).clip(max=1).astype(np.float32)
+    return variance if variance.any() else None
 
 
 def widened(roughness: np.ndarray, variance: np.ndarray | None) -> np.ndarray:
@@ -43,20 +40,23 @@ def widened(roughness: np.ndarray, variance: np.ndarray | None) -> np.ndarray:
     return roughness if variance is None else ((roughness ** 4 + variance) ** 0.25).clip(max=1)
 
 
-def _largest_step2(x: np.ndarray) -> np.ndarray:
-    """(H, W) largest squared difference of x (H, W, 3) from that of a pixel around."""
-    return np.max([np.square(step).sum(-1) for step in _steps(x)], axis=0)
-
-
-def _goes_on(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """(H, W) bool: whether all pixels around show the same surface."""
-    even = [np.abs(dot(step, normal)) <= EVEN * np.linalg.norm(step, axis=-1) for step in _steps(position)]
-    return np.all([*even, *((normal + step).any(-1) for step in _steps(normal))], axis=0)
-
-
-def _steps(x: np.ndarray) -> Iterator[np.ndarray]:
-    """(H, W, 3) from each pixel to each of the nine around it, those in the picture."""
+def _steps_around(x: np.ndarray, pixel: np.ndarray, of=lambda x: x) -> np.ndarray:
+    """(P, 9, 3) from x (H, W, 3) of pixels (P,) to those of the nine around each, of the picture."""
     height, width = x.shape[:2]
-    around = np.pad(x, ((1, 1), (1, 1), (0, 0)), mode="edge")
-    for row, column in np.ndindex(3, 3):
-        yield around[row:row + height, column:column + width] - x
+    rows, columns = (axis[:, None] + around.ravel() for axis, around in zip(
+        np.divmod(pixel, width), np.mgrid[-1:2, -1:2], strict=True))
+    around = of(x[rows.clip(0, height - 1), columns.clip(0, width - 1)])
+    return around - around[:, 4:5]
+
+
+def _largest2(steps: np.ndarray) -> np.ndarray:
+    """(P,) largest squared length of steps (P, 9, 3)."""
+    return np.square(steps).sum(-1).max(1)
+
+
+def _goes_on(ways: np.ndarray, normal: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """(P,) bool: whether all pixels around show the same surface. ways, steps: (P, 9, 3), to their places and normals.
+    """
+    normal = normal[:, None]
+    is_even = np.abs(dot(ways, normal)) <= EVEN * np.linalg.norm(ways, axis=-1)
+    return (is_even & (normal + steps).any(-1)).all(1)
