@@ -2,6 +2,8 @@
 """Triangles that are sliced and quartered again and again, and the piece that a point on one of them lies in."""
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -38,7 +40,7 @@ class Subdivision:
         if not len(cut):
             return
         sharp, rest = sharp_corners(self.corners[cut])[0], np.flatnonzero(count == 1)
-        weights = [weights_of_parts(*of) for of in zip(sharp.tolist(), count[cut].tolist(), strict=True)]
+        weights = list(map(cache(weights_of_parts), sharp.tolist(), count[cut].tolist()))  # many are alike
         parts = np.array([len(x) for x in weights])
         weights, source = np.concatenate(weights), self.source[cut].repeat(parts)
         first = np.arange(triangles + 1)
