@@ -2,6 +2,8 @@
 """Triangles and rotations in numpy; the frame is right-handed and Z-up (docs/scene-input.md 1)."""
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 
 from . import progress
@@ -44,11 +46,12 @@ def connected(faces: np.ndarray, count: int) -> np.ndarray:
     first = np.arange(count)
     while len(faces):
         progress.report()
-        roots = first[faces]
-        least = roots.min(axis=1, keepdims=True)
-        apart = (roots != least).any(axis=1)
-        faces, roots, least = faces[apart], roots[apart], least[apart]
-        np.minimum.at(first, roots.ravel(), np.broadcast_to(least, roots.shape).ravel())
+        roots = [first[corner] for corner in faces.T]
+        least = reduce(np.minimum, roots)
+        apart = np.any([root != least for root in roots], axis=0)
+        faces, least = faces[apart], least[apart]
+        for root in roots:
+            np.minimum.at(first, root[apart], least)
         while (first != first[first]).any():
             first = first[first]
     return first

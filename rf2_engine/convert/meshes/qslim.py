@@ -44,7 +44,8 @@ def reduce_points(points: np.ndarray, faces: np.ndarray, target: int) -> np.ndar
 
 def new_edge(points: np.ndarray, faces: np.ndarray, target: int) -> float:
     """About the length of the edges of a surface of `target` triangles."""
-    return float(np.sqrt(meshes.areas(points[faces]).sum() / target))
+    areas = meshes.in_pieces(lambda some: meshes.areas(points[some]))
+    return float(np.sqrt(areas(faces).sum() / target))
 
 
 def without_detail(points: np.ndarray, faces: np.ndarray, target: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -77,7 +77,10 @@ def thin_pieces(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, targe
     if len(points) - len(faces) / 2 <= target / LEAST:
         return mesh
     progress.report()
-    piece = np.unique(connected(faces, len(points))[faces[:, 0]], return_inverse=True)[1]
+    piece = connected(faces, len(points))[faces[:, 0]]
+    is_first = np.zeros(len(points), bool)
+    is_first[piece] = True
+    piece = (np.cumsum(is_first) - 1)[piece]
     cost = np.minimum(np.bincount(piece), LEAST)
     if cost.sum() <= SHARE * target:
         return mesh
