@@ -137,6 +137,8 @@ class Guides:
     # (H, W, 3) f32, radiance of direct light and of what smooth mirrors and glass show, without a diffuse or volume
     # bounce, premultiplied; None = nothing was traced
     traced: np.ndarray | None = None
+    # (H, W) bool, pixels whose traced light has all the noise of its samples; None: a denoiser took it away
+    is_noisy: np.ndarray | None = None
     samples: np.ndarray | None = None  # (H, W) f32, of each pixel in the first hits and in `traced`; None: not known
     # (H, W) f32, share of `glossy_color` that gets out from between rough facets; None: all of it
     glossy_kept: np.ndarray | None = None

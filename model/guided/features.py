@@ -17,6 +17,7 @@ from ..light.effort import FULL, Effort
 from ..light.estimate import SceneLight, estimate_light
 from ..light.hit_surfaces import HitSurfaces, tensors_on
 from ..light.surface_light import SurfaceLight
+from ..light.traced_noise import without_noise
 from ..network.config import ModelConfig
 from ..network.inputs import ViewInputs, view_inputs
 from ..scene import Guides, RenderScene, View
@@ -48,6 +49,7 @@ FEATURES = SURFACE.joined(
 EMITTERS = Channels(2, **EMITTER.sizes())
 LOGARITHMIC = "direct", "bounced", "reflected", "refracted", "behind", "glow"
 NOISY_SAMPLES = 8.0    # whose noise is 1
+CLEAN_SAMPLES = 16.0   # from which on traced light that no denoiser has seen has less and less of its noise removed
 SAMPLES = 1, 128       # of a pixel in training pictures, fewest and most
 OFFSET_SCALE = 8.0     # offsets within a bundle are a few hundredths of a unit
 MISS_DISTANCE = 2.0    # network units along its mean ray at which a bundle lies that hits nothing
@@ -97,6 +99,10 @@ def guided_view(light: SceneLight, view: View, guides: Guides, config: ModelConf
     device = light.direct.device
     estimate = estimate_light(light, view, guides, effort)
     surfaces = HitSurfaces.of(light.scene, view, guides, 0, device)
+    is_known = _known(light.scene, guides, device)
+    if guides.is_noisy is not None:
+        noisy = guides.is_noisy * (CLEAN_SAMPLES / samples_of(guides)).clip(max=1)
+        estimate = _denoised(estimate, surfaces.normal, is_known * torch.as_tensor(noisy, device=device))
     seen = torch.as_tensor(np.dstack([guides.emission, guides.environment]), device=device).permute(2, 0, 1)[None]
     luminance = (estimate.radiance() + seen[:, 3:])[0].mean(0)
     shows = surfaces.is_covered[..., 0] | (seen[0, 3:].amax(0) > 0)  # or a black void would decide
@@ -112,8 +118,14 @@ def guided_view(light: SceneLight, view: View, guides: Guides, config: ModelConf
                       surface=_surface(surfaces, position, bundles, noise, config.patch_size),
                       seen=seen * exposure, light=exposed, exposure=exposure,
                       has_media=torch.full_like(exposure, light.direct.fog is not None),
-                      is_known=_known(light.scene, guides, device),
+                      is_known=is_known,
                       emitters=_emitters(light, surfaces))
+
+
+def _denoised(light: SurfaceLight, normal: Tensor, share: Tensor) -> SurfaceLight:
+    """The light of a view with a share (1, 1, H, W) of what its traced light is without noise; normal: (H, W, 3)."""
+    surface = torch.cat([normal.permute(2, 0, 1)[None], light.albedo.mean(2), light.roughness], 1)
+    return replace(light, traced=light.traced.lerp(without_noise(light.traced, light.estimate(), surface), share))
 
 
 def _emitters(light: SceneLight, surfaces: HitSurfaces) -> Tensor:
