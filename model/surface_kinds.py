@@ -6,7 +6,7 @@ from enum import IntFlag, auto
 
 import numpy as np
 
-from .scene import BASE_COLOR, TRANSPARENT, RenderScene, passing
+from .scene import BASE_COLOR, TRANSPARENT, RenderScene, passing, tile_tints
 
 BLACK = 1e-3         # base colour up to which a surface that no camera sees is the back of a lamp
 THIN = 0.03          # share of light up to which none passes straight
@@ -69,7 +69,7 @@ def clear_tiles(scene: RenderScene) -> np.ndarray:
     clear = scene.tile_clear
     share = clear.mean(axis=1)
     rows = np.flatnonzero(share > THIN)
-    rows = rows[share[rows] > passing(scene.tiles[rows]) / 2]
+    rows = rows[share[rows] > tile_tints(scene.tiles[rows]).mean(axis=1) / 2]
     result = np.zeros_like(clear)
     result[rows] = clear[rows]
     return result

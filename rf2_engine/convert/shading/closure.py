@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from ....model.pictures import LUMINANCE
+from ....model.scene import tint_of_glass
 from ....model.surface_kinds import TRANSPARENT
 from .normal_map import UP
 
@@ -132,7 +133,8 @@ def parameters(closure: Closure) -> SurfaceParameters:
 
     ior, transmission = mean(closure.ior, closure.weight, 1.0), mean(closure.transmission, closure.lobe, 0.0)
     (sheen, sheen_roughness), (coat, of_coat) = np.split(closure.sheen, [3], -1), np.split(closure.coat, [1], -1)
-    is_glass = (transmission > TRANSPARENT) & (closure.clear.mean(axis=-1, keepdims=True) < TRANSPARENT)
+    straight, tint = (x.mean(axis=-1, keepdims=True) for x in (closure.clear, tint_of_glass(closure.color)))
+    is_glass = (transmission > TRANSPARENT) & (straight < tint / 2)
     diffuse = closure.color * mean(closure.lobe - closure.metallic - closure.transmission, closure.lobe, 0.0)
     return SurfaceParameters(
         base_color=np.clip(closure.color, 0, BRIGHTEST).astype(np.float32),

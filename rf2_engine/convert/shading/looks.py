@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....model.scene import constant_tile
-from ....model.surface_kinds import TRANSPARENT, Ray
+from ....model.surface_kinds import THIN, Ray
 from ..data.blocks import Material
 from ..data.copied import Instance
 from ..data.mesh import TriangleMesh
@@ -18,7 +18,7 @@ from .material import BESIDE, CLEAR, OPAQUE, MaterialTiles
 WINDOW = constant_tile(base_color=(1, 1, 1), roughness=0, ior=1, transmission=1)
 PASSES = OPAQUE.copy()
 PASSES[BESIDE["clear"]] = 1
-OTHER_RAYS = {Ray.GLOSSY: CLEAR, Ray.TRANSMISSION: CLEAR, Ray.SCATTER: CLEAR, Ray.SHADOW: TRANSPARENT}  # clear from
+OTHER_RAYS = {Ray.GLOSSY: CLEAR, Ray.TRANSMISSION: CLEAR, Ray.SCATTER: CLEAR, Ray.SHADOW: THIN}  # clear from
 MIRRORED = Ray.GLOSSY, Ray.TRANSMISSION
 
 

@@ -32,18 +32,22 @@ def liquid(color):
     return made
 
 
-@pytest.mark.parametrize("light", ["TRACED", "NETWORK"])
-def test_a_coloured_pane_tints_a_room_as_in_cycles(scene, tmp_path, light):
+BLUE, RED = (0.2, 0.5, 0.9), (0.9, 0.1, 0.05)  # a mean of more than half passes, or of less
+
+
+@pytest.mark.parametrize("light, color", [("TRACED", BLUE), ("NETWORK", BLUE), ("NETWORK", RED)])
+def test_a_coloured_pane_tints_a_room_as_in_cycles(scene, tmp_path, light, color):
     room(scene)
-    panel(scene, pane((0.2, 0.5, 0.9)), x=0.5, side=2.6)
+    panel(scene, pane(color), x=0.5, side=2.6)
     lamp(scene, energy=300)
     scene.renderformer_v2.light = light
     assert_alike(*beside_cycles(scene, tmp_path), rtol=0.1)
 
 
-def test_glass_that_shadow_rays_pass_straight_through_tints_a_room_as_in_cycles(scene, tmp_path):
+@pytest.mark.parametrize("color", [BLUE, RED])
+def test_glass_that_shadow_rays_pass_straight_through_tints_a_room_as_in_cycles(scene, tmp_path, color):
     room(scene)
-    glass, clear = ("BsdfGlass", {"IOR": 1.45}), ("BsdfTransparent", {"Color": (0.2, 0.5, 0.9, 1)})
+    glass, clear = ("BsdfGlass", {"IOR": 1.45}), ("BsdfTransparent", {"Color": (*color, 1)})
     panel(scene, by_ray("Glass", ("Is Shadow Ray", "Is Diffuse Ray"), glass, clear), x=0.5, side=2.6)
     lamp(scene, energy=300)
     assert_alike(*beside_cycles(scene, tmp_path), rtol=0.1)
