@@ -6,7 +6,7 @@ import pytest
 from renderformer_v2.model.camera import square_view, view_rays
 from renderformer_v2.model.first_hits.from_passes import guides_from_passes, lies_between
 from renderformer_v2.model.geometry import barycentric
-from renderformer_v2.model.scene import RenderScene, Volumes, constant_tile
+from renderformer_v2.model.scene import RenderScene, View, Volumes, constant_tile
 
 SIZE, NOTHING = 96, 1e10
 
@@ -73,8 +73,9 @@ def test_pixels_belong_to_the_triangles_they_see(light):
     np.testing.assert_allclose(on_triangle[hit], position[hit], atol=2e-3)
 
 
-def test_a_pixel_of_several_surfaces_takes_the_normal_of_the_one_in_its_middle():
-    """Floor and wall meet in a row of pixels, in which Cycles gives the mean of their normals."""
+def floor_and_wall() -> tuple[RenderScene, View, dict[str, np.ndarray], np.ndarray, np.ndarray]:
+    """They meet in a row of pixels, in which Cycles gives the mean of their normals; normals without it, and the row.
+    """
     wall = np.float32([[(-1, 0, 0), (1, 0, 0), (1, 1, 0)], [(-1, 0, 0), (1, 1, 0), (-1, 1, 0)]])
     floor = np.float32([[(-1, 0, 0), (1, 0, 1), (1, 0, 0)], [(-1, 0, 0), (-1, 0, 1), (1, 0, 1)]])
     normals = np.repeat(np.float32([(0, 0, 1)] * 2 + [(0, 1, 0)] * 2)[:, None], 3, axis=1)
@@ -96,12 +97,27 @@ def test_a_pixel_of_several_surfaces_takes_the_normal_of_the_one_in_its_middle()
     zero, ones = np.zeros_like(position), np.ones((SIZE, SIZE, 1), np.float32)
     passes = {name: zero for name in ("diffuse_color", "glossy_color", "transmission_color", "emission", "environment")}
     passes |= {"normal": mean, "alpha": ones, "depth": distance[..., None].astype(np.float32), "position": position}
+    return scene, view, passes, exact, edge
+
+
+def test_a_pixel_of_several_surfaces_takes_the_normal_of_the_one_in_its_middle():
+    scene, view, passes, exact, edge = floor_and_wall()
     guides = guides_from_passes(passes, scene, view, nearest_triangles)
     np.testing.assert_allclose(guides.normal, exact, atol=1e-5)
     assert guides.normal_variance is None
-    bumpy = guides_from_passes(passes | {"normal": 0.98 * mean}, scene, view, nearest_triangles)
+    bumpy = guides_from_passes(passes | {"normal": 0.98 * passes["normal"]}, scene, view, nearest_triangles)
     assert bumpy.normal_variance[0, 0] == pytest.approx(1 - 0.98 ** 2, rel=1e-4)
     assert bumpy.normal_variance[edge].max() < 0.04  # without bumps the mean of both is short enough
+
+
+def test_fog_before_a_surface_is_no_bump():
+    """Samples that scatter in it have no normal, and cover a pixel."""
+    scene, view, passes, exact, _ = floor_and_wall()
+    one = np.ones((1, 3), np.float32)
+    scene.volumes = Volumes(np.ones((1, 64), np.float32), 0 * one, 0 * one, 20 * one, one, one)
+    guides = guides_from_passes(passes | {"normal": 0.7 * passes["normal"]}, scene, view, nearest_triangles)
+    assert guides.normal_variance is None
+    np.testing.assert_allclose(guides.normal, exact, atol=1e-5)
 
 
 @pytest.mark.parametrize("normal, expected", [
