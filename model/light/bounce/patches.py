@@ -196,7 +196,7 @@ def _split(subdivision: Subdivision, emitters: NearEmitters, shines: np.ndarray,
     density = patch_density(subdivision.corners.mean(axis=1), emitters, shines[subdivision.source], np.sqrt(area))
     subdivision.slice(slice_counts(subdivision.corners, area * density, density, target))
     size = _apparent_size(subdivision.corners, emitters, shines[subdivision.source])
-    while room := (target - len(size)) // 3:
+    while (room := (target - len(size)) // 3) > 0:  # slices may be more than there is room for
         order = np.argsort(-size, kind="stable")
         large = order[:min(room, SPLIT_AT_ONCE, np.count_nonzero(size > size.max() / 4))]
         fresh = subdivision.quarter(large)

@@ -7,6 +7,7 @@ import torch
 from renderformer_v2.model.light.bounce import patches
 from renderformer_v2.model.light.bounce.openness import Openness
 from renderformer_v2.model.light.bounce.patches import Patches, make_patches
+from renderformer_v2.model.light.bounce.subdivision import Subdivision
 from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.direct.emitter_light import NearEmitters
 from renderformer_v2.model.light.fresnel import layer_albedo
@@ -120,6 +121,16 @@ def test_long_triangles_are_divided_sooner_than_others_of_their_area():
     sizes = [patches._apparent_size(0.01 * x, NO_EMITTERS, np.zeros(1, bool))[0] for x in (regular, long)]
     assert sizes[1] == pytest.approx(100 ** 0.25 * sizes[0], rel=0.01)
     assert patches._apparent_size(np.zeros((1, 3, 3), np.float32), NO_EMITTERS, np.zeros(1, bool))[0] == 0
+
+
+def test_slices_of_needles_beside_a_fine_mesh_are_not_quartered_for_lack_of_room():
+    """Each of its triangles is a piece, however small."""
+    needle, small = np.float32([(0, 0, 0), (1, 0, 0), (1, 0.1, 0)]), np.float32([(0, 0, 0), (1e-3, 0, 0), (0, 1e-3, 0)])
+    shapes = [needle] * 10 + [small] * 70
+    triangles = np.stack([shape + np.float32((-0.5, 0.01 * i, 0)) for i, shape in enumerate(shapes)])
+    made = Subdivision(triangles, np.arange(80))
+    patches._split(made, NO_EMITTERS, np.zeros(80, bool), 80)
+    assert 120 < len(made.corners) < 200
 
 
 def test_patches_have_the_colour_of_their_triangles_and_not_of_what_lies_beyond_these():
