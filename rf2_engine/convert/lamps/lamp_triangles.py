@@ -20,7 +20,7 @@ from .lamp_power import ball_power, compute_lamp_light, normalized
 from .placed_lamp import Detail, PlacedLamp, beams, find_half_angle, rotation
 from .shapes import DARK, black, shining
 
-BALL_RADIUS = 0.01            # of the scene radius: least size of a point or spot lamp
+BALL_RADIUS = 0.001           # of the scene radius: least size of a point or spot lamp
 SUN_ANGLE = math.radians(0.5)  # least diameter of a sun
 SUN_DISTANCE = 50             # scene radii
 LEAST_SPREAD = math.radians(0.5)  # of an area lamp, whose size blurs narrower beams anyway,

@@ -75,6 +75,16 @@ def test_a_plate_keeps_a_lamp_from_what_is_below_it():
     torch.testing.assert_close(visible, torch.tensor([0.0, 1.0, 1.0]))
 
 
+@pytest.mark.parametrize("is_lamp", [False, True])
+def test_a_housing_that_is_close_to_a_lamp_shades_its_light(is_lamp):
+    """But surfaces that shine are not exactly where their emitters are, which they must not shade."""
+    scene = floor_scene()
+    scene = replace(scene, seen=~(scene.is_light & is_lamp))
+    plate = under_a_sky(SQUARE * 0.3 + np.float32((0, 0, 2 - 2e-3)))
+    visible = DirectLight(scene.appended(plate)).visibility(torch.zeros(1, 3), UP).emitters[0, 0]
+    assert visible.item() == (0 if is_lamp else 1)
+
+
 def test_the_shadow_of_a_wide_lamp_has_a_soft_edge():
     """A lamp of half a unit's radius, two above the floor; a plate halfway whose edge is below its middle."""
     scene = floor_scene()

@@ -145,6 +145,13 @@ def test_shade_of_a_spot_is_open_along_the_beam_only():
     assert [blocked(a) for a in (0.0, 0.45, 0.6, 1.5, 3.1)] == [False, False, True, True, True]
 
 
+def test_in_a_wide_place_a_lamp_is_still_as_small_as_its_housing():
+    empty_cycles_scene()
+    obj, report = lamp("POINT", Matrix(), energy=100, shadow_soft_size=0.1), Report()
+    scene = convert_light(np.eye(4), copied(obj.data), obj.name, report, np.zeros(3), 50.0)
+    assert np.linalg.norm(scene.triangles, axis=-1).max() < 0.15 and not report.entries
+
+
 def test_what_a_lamp_loses_is_reported():
     empty_cycles_scene()
     report = Report()
