@@ -28,7 +28,7 @@ SURFACES = 6       # a path passes at most
 SHARP, BLURRED = 0.15, 0.35  # roughness up to which a reflection is an image, and from which it is a mean over the lobe
 AT_ONCE = 3e-6     # of the longest segment, within which glass and what it stands on are met at once
 LAMPS = 4          # that do not shine on it a path passes at a time
-NEARLY = 0.75      # clear are sheets, from which on all paths pass, and none through those that are so little clear
+NEARLY = 0.75      # chance of paths to pass a sheet from which on all do, and none with as much of the opposite
 
 Media = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
@@ -167,14 +167,16 @@ def _scattered(scene: RenderScene, cast: Cast, paths: Paths, hits: Hits, sheets:
     passes = on_sheet = np.zeros(len(row), bool)
     if sheets is not None:
         clear = sheets.clear[scene.tile_index[scene.surfaces.token[triangle]]]
-        passes, on_sheet = _passes_sheets(clear, paths.start, number + 1)
+        own, chance = _seen_of_sheets(texel, clear)
+        passes, on_sheet = _passes_sheets(chance, paths.start, number + 1), clear.any(axis=1)
         # Straight paths show no sky: to end by chance at the last sheet before it, or not, would be mere noise.
         is_last_sheet = on_sheet & paths.is_straight
         behind = point + LIFT * reach[:, None] * direction
         is_last_sheet[is_last_sheet] = sheets.seen(behind[is_last_sheet], direction[is_last_sheet])[0] < 0
         passes &= ~is_last_sheet
-        tint[on_sheet] = arrived[on_sheet] * _seen_of_sheets(texel, clear, passes)[on_sheet]
-        tint[is_last_sheet] *= 1 - clear[is_last_sheet].mean(axis=1, keepdims=True)
+        seen = np.where(passes[:, None], clear / chance.clip(1e-6), own / np.where(
+            is_last_sheet, 1, 1 - chance[:, 0]).clip(1e-6)[:, None])
+        tint[on_sheet] = arrived[on_sheet] * seen[on_sheet]
         bends, matte = bends & ~on_sheet, np.where(on_sheet, 1, matte)
         paths.is_straight = paths.is_straight & passes
     tint[leaves] *= passed_plates(*(x[leaves] for x in (paths.entry, normal, direction, texel[:, IOR])))[:, None]
@@ -271,22 +273,21 @@ def _met_at_once(solid: Cast, glass: Cast, origin: np.ndarray, direction: np.nda
     return np.where((np.abs(gap) < AT_ONCE * longest) & is_first, wall, -1), to_wall
 
 
-def _passes_sheets(clear: np.ndarray, start: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:
-    """(P,) bool each: paths that pass the surface of that number, which lets (P, 3) pass straight, and those at sheets.
+def _passes_sheets(chance: np.ndarray, start: np.ndarray, number: int) -> np.ndarray:
+    """(P,) bool: paths that pass the surface of that number, with a chance (P, 1), by the `start` (P, 2) of paths.
 
-    As much of light as is clear passes, by the `start` (P, 2) of paths: all of what is nearly clear, as single pixels
-    that show the sheet would be speckles.
+    All pass where they nearly do, as single pixels that show the sheet would be speckles.
     """
-    share = clear.mean(axis=1)
-    share = np.where(np.abs(share - 0.5) > NEARLY - 0.5, share.round(), share)
-    return start[:, 0] * (2 * number + 1) % 1 < share, clear.any(axis=1)
+    chance = np.where(np.abs(chance - 0.5) > NEARLY - 0.5, chance.round(), chance)[:, 0]
+    return start[:, 0] * (2 * number + 1) % 1 < chance
 
 
-def _seen_of_sheets(texel: np.ndarray, clear: np.ndarray, passes: np.ndarray) -> np.ndarray:
-    """(P, 3) colour of sheets, or of what passes them."""
+def _seen_of_sheets(texel: np.ndarray, clear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(P, 3) own colour of sheets that let (P, 3) pass, by how much of them is there, and (P, 1) share of what passes
+    in all light that they send on: of dark ones little more than that is seen."""
     share = clear.mean(axis=1, keepdims=True)
-    own = colors_of_texels(own_texels(texel, clear))[:2].sum(0)
-    return np.where(passes[:, None], clear / share.clip(1e-6), own)
+    own = (1 - share) * colors_of_texels(own_texels(texel, clear))[:2].sum(0)
+    return own, share / (share + own.mean(axis=1, keepdims=True)).clip(1e-6)
 
 
 def _arriving(scene: RenderScene, paths: Paths, hits: Hits) -> np.ndarray:

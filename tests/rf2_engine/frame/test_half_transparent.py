@@ -25,3 +25,17 @@ def test_a_curtain_and_the_room_behind_it_are_as_in_cycles(scene, tmp_path, ligh
     ours, cycles = beside_cycles(scene, tmp_path)
     assert_alike(ours, cycles, rtol=rtol, blocks=8)
     assert grain(ours) < 1.5 * grain(cycles) + 1e-3
+
+
+def test_what_two_smoked_panes_show_is_not_grainy(scene, tmp_path):
+    """They send on so little light that all paths pass the second one."""
+    room(scene, back=material("Back", (0.8, 0.2, 0.1)))
+    lamp(scene)
+    smoked = material("Smoked", (0.03, 0.03, 0.03))
+    smoked.node_tree.nodes["Principled BSDF"].inputs["Alpha"].default_value = 0.7
+    for y in (-1, -0.9):
+        rectangle(scene, "Pane", (-2.4, y, 0.1), (2.4, y, 0.1), (2.4, y, 2.9), (-2.4, y, 2.9), of=smoked)
+    scene.renderformer_v2.light = "NETWORK"
+    ours, cycles = beside_cycles(scene, tmp_path)
+    assert ours.mean() == pytest.approx(cycles.mean(), rel=0.1)
+    assert grain(ours) < 1.5 * grain(cycles) + 1e-3
