@@ -28,8 +28,8 @@ def check(depsgraph: bpy.types.Depsgraph, settings: FrameSettings, report: Repor
     if scene.render.use_multiview and scene.render.views_format == "STEREO_3D" and has_spherical_stereo(scene.camera):
         raise SceneError(no_spherical_stereo(scene.camera))
     if settings.light is Light.TRACED and not compat.has_openimagedenoise():
-        report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so traced light loses its noise by "
-                                        "its estimate alone: raise Max Samples where noise is left")
+        report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so estimates alone remove the noise of "
+                                        "traced light: raise Max Samples where some is left")
     names = passes.session_passes(layer, passes.needed_light(layer, settings.light_passes))
     names += [*passes.light_groups(layer, settings.light_passes), *(passes.REFERENCE if settings.reference else ())]
     longest = max((p.blender_name for p in names), key=len)

@@ -77,7 +77,7 @@ def test_without_a_denoiser_the_setting_to_raise_is_called_by_its_name(scene, mo
     depsgraph = bpy.context.evaluated_depsgraph_get()
     checks.check(depsgraph, FrameSettings.read(depsgraph.scene_eval), report)
     label = scene.renderformer_v2.bl_rna.properties["guide_samples"].name
-    assert any(f"raise {label} where noise is left" in line for line in report.lines())
+    assert any(f"raise {label} where some is left" in line for line in report.lines())
 
 
 def test_ordinary_subdivision_needs_no_line(scene, lines):
