@@ -100,7 +100,7 @@ def guided_view(light: SceneLight, view: View, guides: Guides, config: ModelConf
     estimate = estimate_light(light, view, guides, effort)
     surfaces = HitSurfaces.of(light.scene, view, guides, 0, device)
     is_known = _known(light.scene, guides, device)
-    if guides.is_noisy is not None:
+    if guides.traced is not None and guides.is_noisy is not None:
         noisy = guides.is_noisy * (CLEAN_SAMPLES / samples_of(guides)).clip(max=1)
         estimate = _denoised(estimate, surfaces.normal, is_known * torch.as_tensor(noisy, device=device))
     seen = torch.as_tensor(np.dstack([guides.emission, guides.environment]), device=device).permute(2, 0, 1)[None]
