@@ -129,7 +129,7 @@ def test_numbers_of_all_forms_are_one_range():
 def test_many_lamps_are_one_line(scene, converted, report):
     for i in range(120):
         light = bpy.data.lights.new(f"Lamp {i}", "POINT")
-        light.shadow_soft_size = 1e-5 * i
+        light.shadow_soft_size = 1e-6 * i
         obj = bpy.data.objects.new(f"Lamp {i}", light)
         obj.location = i % 11, i // 11, 3
         scene.collection.objects.link(obj)
