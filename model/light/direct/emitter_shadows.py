@@ -28,7 +28,7 @@ from .terminator import start_heights
 FOG_REACH = 3.0  # network units from the centre: fog beyond dims no emitter
 FARTHEST = 4.0   # network units between surfaces and glass at most: so far the light of a sun spreads
 END_GAP = 4e-3   # network units before a surface that shines at which a shadow ray ends: emitters stand for it
-OF_ALL = ("_gap", "_before", "_occluder", "_casts_shadows")  # fields of EmitterShadows that have a row for each emitter
+OF_ALL = ("_before", "_occluder", "_casts_shadows")  # fields of EmitterShadows that have a row for each emitter
 
 
 class EmitterShadows:
@@ -40,8 +40,6 @@ class EmitterShadows:
         self._shapes, self._fog, self._cutouts = shapes, fog, cutouts
         self._glass = None  # that light must pass
         self._casts_shadows = torch.as_tensor(limits.blockers > 0, device=device)
-        # No surface is at the place of a lamp, whose housing may be close.
-        self._gap = torch.where(torch.as_tensor(limits.is_lamp > 0, device=device), LIFT, END_GAP)
         # What shines to one side is at the place of its surface, lumps and spheres stand for one around them.
         self._before = torch.where(shapes.beam_axis.any(1), END_GAP, ROUND * shapes.reach)
         self._shining = None
@@ -95,17 +93,20 @@ class EmitterShadows:
         """
         point, emitter = (is_lit & self._casts_shadows).nonzero().unbind(1)
         origin, is_near = x[point], ~self._shapes.is_distant[emitter, None]
+        is_surface = self._shapes.is_surface[emitter]
         if raised is not None:
             origin = origin + raised[0][point, emitter, None] * raised[1][point]
         ray = self._shapes.points_on(emitter, direction[:, point, emitter].T, start[point]) - origin * is_near
         if n is not None:
             ray = _above_horizon(ray, self._shapes.origins[emitter] - origin * is_near, n[point])
         distance = length(ray)
-        ray, end = ray / distance.clamp_min(1e-9)[:, None], distance - self._gap[emitter]
+        # No surface is at the place of a lamp, whose housing may be close.
+        end = distance - torch.where(is_surface, END_GAP, LIFT)
+        ray = ray / distance.clamp_min(1e-9)[:, None]
         is_blocked = self._is_blocked(emitter, origin, ray, end)
         if self._shining is not None:
             # Shells that are seen from outside would hide themselves: lumps that stand for them lie below.
-            faces = self._shapes.is_surface[emitter] & (dot(self._shapes.outward[emitter], ray) >= 0)
+            faces = is_surface & (dot(self._shapes.outward[emitter], ray) >= 0)
             others = (~is_blocked & faces).nonzero()[:, 0]
             is_blocked[others] = self._shining.is_blocked(
                 *(rays[others] for rays in (origin, ray, distance - self._before[emitter])))
