@@ -57,6 +57,12 @@ def connected(faces: np.ndarray, count: int) -> np.ndarray:
     return first
 
 
+def pieces(faces: np.ndarray, count: int) -> np.ndarray:
+    """(count,) i64 number of the piece that each point is of, as `connected`, by the order of their first points."""
+    first = connected(faces, count)
+    return (np.cumsum(first == np.arange(count)) - 1)[first]
+
+
 def surfaces(corners: np.ndarray, kinds: np.ndarray | None = None) -> np.ndarray:
     """(N,) i64: which surface each of (N, 3, 3) triangles is part of, those that share places of corners being one.
 
@@ -70,7 +76,7 @@ def surfaces(corners: np.ndarray, kinds: np.ndarray | None = None) -> np.ndarray
         places = np.column_stack([places, kind.repeat(3)])
     _, vertex = np.unique(places, axis=0, return_inverse=True)
     vertex = vertex.reshape(-1, 3)
-    return np.unique(connected(vertex, vertex.max() + 1)[vertex[:, 0]], return_inverse=True)[1]
+    return pieces(vertex, vertex.max() + 1)[vertex[:, 0]]
 
 
 def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

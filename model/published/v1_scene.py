@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import SceneError
-from ..geometry import area_vectors, connected
+from ..geometry import area_vectors, pieces
 from .entries import read_json_file
 from .obj_mesh import ObjMesh, read_obj, write_obj
 from .png_file import write_png
@@ -89,7 +89,7 @@ def find_smooth_parts(corners: np.ndarray) -> np.ndarray:
     same = (edges[order[1:]] == edges[order[:-1]]).all(axis=1)
     pairs = np.stack([order[1:], order[:-1]], axis=1)[same] // 3
     smooth = (normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) >= SMOOTH
-    return np.unique(connected(pairs[smooth], len(corners)), return_inverse=True)[1]
+    return pieces(pairs[smooth], len(corners))
 
 
 def _triangulated(mesh: ObjMesh) -> np.ndarray:

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....model import progress
-from ....model.geometry import connected
+from ....model.geometry import pieces
 from ..data import mesh as meshes
 from ..data.mesh import TriangleMesh
 
@@ -77,10 +77,7 @@ def thin_pieces(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, targe
     if len(points) - len(faces) / 2 <= target / LEAST:
         return mesh
     progress.report()
-    piece = connected(faces, len(points))[faces[:, 0]]
-    is_first = np.zeros(len(points), bool)
-    is_first[piece] = True
-    piece = (np.cumsum(is_first) - 1)[piece]
+    piece = pieces(faces, len(points))[faces[:, 0]]
     cost = np.minimum(np.bincount(piece), LEAST)
     if cost.sum() <= SHARE * target:
         return mesh
