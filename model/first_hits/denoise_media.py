@@ -67,7 +67,8 @@ def smoothed(guides: Guides, volumes: Volumes | None, view: View, surface: Behin
                       _mean_by_coverage(guides.environment, inside, front) / np.maximum(clear, 1e-3))
     environment = np.where(inside[..., None], behind * clear, guides.environment)
     if guides.normal_variance is not None:  # samples that end in a medium have no normal
-        changed["normal_variance"] = np.where(inside, 0, guides.normal_variance)
+        variance = np.where(inside, 0, guides.normal_variance)
+        changed["normal_variance"] = variance if variance.any() else None
     return replace(guides, environment=environment.astype(np.float32), **changed)
 
 
