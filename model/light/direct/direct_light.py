@@ -239,7 +239,7 @@ class DirectLight:
         if (environment := self.sky_seen_by(Ray.GLOSSY)) is not None:
             shown = (visible.glossy_sky > 0).any(1).nonzero()[:, 0]
             glossy = glossy.index_add(0, shown, visible.glossy_sky[shown] * environment.reflected(
-                *(values[shown] for values in (n, v, roughness, f0))))
+                *(values[shown] for values in (n, v, roughness, f0, *footprint))))
         if (environment := self.sky_seen_by(Ray.TRANSMISSION)) is not None:
             transmitted = environment.filtered(-v, roughness) * visible.sky_behind
         return diffuse * has_normal, glossy * has_normal * (cosine > -LEANING), transmitted * has_normal

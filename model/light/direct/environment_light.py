@@ -23,13 +23,16 @@ from ..fresnel import reflectance
 from ..media.transmittance import Fog
 from ..sampling import cosine_directions, ggx_directions, local_basis
 from ..tensor_rays import TensorRays
-from ..vectors import dot
+from ..vectors import dot, unit
+from .footprints import TURNED, mirrored_turn2, points_within
 
-ROUGHNESS_LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
-BLUR = 0.3                            # roughness at which one of many rays reads the map
+ROUGHNESS_LEVELS = 0.0, 0.125, 0.18, 0.25, 0.5, 0.75, 1.0
+POOLED = {0.125: (128, 256), 0.18: (64, 128)}  # sizes of maps whose pixels are as wide as lobes of this roughness
+BLUR = 0.32                           # roughness at which one of many rays reads the map
 POLISHED = 0.1                        # roughness up to which a lobe is narrow from all sides
 TAPS = 32                             # of a wider lobe
-SHARP, COARSE = (64, 128), (32, 64)  # map sizes of level 0 and of the blurred levels
+FLAT = 0.01                           # radians by which mirrored directions turn in pixels that are one direction
+COARSE, SMALLEST = (64, 128), (128, 256)  # map sizes of wider lobes, and of the stack at least
 COSINE_LOBE = (math.pi, 2 * math.pi / 3, math.pi / 4)  # zonal coefficients of the clamped cosine, bands 0, 1, 2
 LIFT = 1e-4      # network units that a ray starts off its surface
 FOG_REACH = 2.0  # network units from a point: fog beyond dims nothing
@@ -47,7 +50,7 @@ class EnvironmentLight:
 
     def __init__(self, radiance: Tensor):
         self.is_uniform = bool((radiance == radiance[0, 0]).all())
-        image = radiance.permute(2, 0, 1)[None]
+        image, size = radiance.permute(2, 0, 1)[None], tuple(max(pair) for pair in zip(radiance.shape, SMALLEST))
         coarse = F.adaptive_avg_pool2d(image, COARSE)[0]
         directions = torch.from_numpy(direction_map(*COARSE)).to(radiance.device).reshape(-1, 3)
         weight = solid_angles(*COARSE, device=radiance.device).expand(COARSE).reshape(-1)
@@ -57,13 +60,15 @@ class EnvironmentLight:
         cosines = directions[::columns] @ directions.T  # of the first column: the others see the same, turned
         ahead = torch.arange(columns, device=radiance.device)
         turned = colors.view(rows, columns, 3)[:, (ahead[:, None] + ahead) % columns].flatten(0, 1)
-        levels = [F.adaptive_avg_pool2d(image, SHARP)[0]]
+        levels = [F.adaptive_avg_pool2d(image, size)]
         for roughness in ROUGHNESS_LEVELS[1:]:
+            if roughness in POOLED:
+                levels.append(F.adaptive_avg_pool2d(image, POOLED[roughness]))
+                continue
             kernel = _lobe(cosines, roughness) * weight
-            blurred = torch.einsum("rs,scd->drc", kernel, turned) / kernel.sum(1, keepdim=True)
-            levels.append(F.interpolate(blurred[None], SHARP, mode="bilinear", align_corners=False)[0])
-        stack = torch.stack(levels, 1)[None]                       # 1, 3, level, row, column
-        self.levels = torch.cat([stack[..., -1:], stack, stack[..., :1]], -1)  # wrap around
+            levels.append((torch.einsum("rs,scd->drc", kernel, turned) / kernel.sum(1, keepdim=True))[None])
+        stack = torch.stack([_resized(level, size)[0] for level in levels], 1)[None]  # 1, 3, level, row, column
+        self.levels = torch.cat([stack[..., -1:], stack, stack[..., :1]], -1)         # wrap around
 
     def irradiance(self, normal: Tensor) -> Tensor:
         """(P, 3) irradiance on a surface with this normal, W/m^2."""
@@ -87,25 +92,37 @@ class EnvironmentLight:
             return self.levels[0, :, 0, 0, 0].expand(len(direction), 3)
         u = 0.5 - torch.atan2(direction[:, 1], direction[:, 0]) / (2 * math.pi)
         w = torch.acos(direction[:, 2].clamp(-1, 1)) / math.pi
-        wrapped = (u * SHARP[1] + 1) / (SHARP[1] + 2)
-        step = roughness.clamp(0, 1) * (len(ROUGHNESS_LEVELS) - 1)
-        # Lobes are as wide as the square of roughness: nearly sharp ones are no mixture of a sharp and a wide one.
-        level = (torch.where(step < 1, step ** 3, step) + 0.5) / len(ROUGHNESS_LEVELS)
+        columns = self.levels.shape[-1] - 2
+        wrapped = (u * columns + 1) / (columns + 2)
+        level = (_level(roughness.clamp(0, 1)) + 0.5) / len(ROUGHNESS_LEVELS)
         grid = torch.stack([wrapped, w, level], -1) * 2 - 1
         sampled = run_operator("grid_sampler_3d", F.grid_sample, self.levels, grid[None, :, None, None],
                                mode="bilinear", padding_mode="border", align_corners=False)
         return sampled[0, :, :, 0, 0].T
 
-    def reflected(self, normal: Tensor, outgoing: Tensor, roughness: Tensor, f0: Tensor) -> Tensor:
+    def reflected(self, normal: Tensor, outgoing: Tensor, roughness: Tensor, f0: Tensor,
+                  footprint: Tensor | None = None) -> Tensor:
         """(P, 3) radiance that a white glossy lobe sends towards `outgoing`, relative to that of uniform light.
 
-        normal, outgoing: (P, 3), unit; roughness (perceptual), f0: (P,).
+        normal, outgoing: (P, 3), unit; roughness (perceptual), f0: (P,). footprint: (P, 2, 9), of pixels
+        (footprints.py), whose mean it is then.
         """
-        mirrored = 2 * dot(normal, outgoing)[..., None] * normal - outgoing
         is_wide = (roughness > POLISHED) & (not self.is_uniform)
-        narrow, wide = (~is_wide).nonzero()[:, 0], is_wide.nonzero()[:, 0]
-        radiance = torch.empty_like(mirrored)
-        radiance[narrow] = self.filtered(mirrored[narrow], roughness[narrow])
+        is_bent = torch.zeros_like(is_wide)
+        if footprint is not None:
+            turn2 = mirrored_turn2(footprint)
+            is_bent = ~is_wide & (turn2 > FLAT ** 2)
+            roughness = torch.where(is_wide, (roughness ** 4 + TURNED * turn2).clamp(max=1) ** 0.25, roughness)
+        radiance, rows = torch.empty_like(normal), partial(torch.nonzero, as_tuple=True)
+        narrow, = rows(~is_wide & ~is_bent)
+        radiance[narrow] = self.filtered(_mirrored(normal[narrow], outgoing[narrow]), roughness[narrow])
+        bent, = rows(is_bent)
+        if len(bent):
+            change = points_within(footprint[bent])
+            mirrored = _mirrored(unit(normal[bent] + change[..., 3:6]), unit(outgoing[bent] + change[..., 6:]))
+            radiance[bent] = self.filtered(mirrored.flatten(0, 1), roughness[bent].repeat(len(change))).view_as(
+                mirrored).mean(0)
+        wide, = rows(is_wide)
         radiance[wide] = self._tapped(normal[wide], outgoing[wide], roughness[wide], f0[wide])
         return radiance
 
@@ -120,6 +137,27 @@ class EnvironmentLight:
         blur = torch.minimum((4 * math.pi * TAPS * density).clamp_min(1e-6) ** -0.25, roughness[:, None])
         taps = self.filtered(direction.flatten(0, 1), blur.flatten()).view_as(direction)
         return (weight[..., None] * taps).sum(1)
+
+
+def _mirrored(normal: Tensor, outgoing: Tensor) -> Tensor:
+    """(..., 3) unit vectors `outgoing`, mirrored about normals."""
+    return 2 * dot(normal, outgoing)[..., None] * normal - outgoing
+
+
+def _resized(level: Tensor, size: tuple[int, int]) -> Tensor:
+    """A map (1, 3, h, w) that wraps around, with so many rows and columns."""
+    wide = F.pad(level, (1, 1, 0, 0), mode="circular")
+    step = size[1] // level.shape[-1]
+    larger = F.interpolate(wide, (size[0], size[1] + 2 * step), mode="bilinear", align_corners=False)
+    return larger[..., step:size[1] + step]
+
+
+def _level(roughness: Tensor) -> Tensor:
+    """(P,) index, with fractions, among ROUGHNESS_LEVELS, by alpha, which is as wide as a lobe."""
+    levels = torch.tensor(ROUGHNESS_LEVELS, device=roughness.device).square()
+    alpha = roughness.square().contiguous()
+    above = torch.bucketize(alpha, levels).clamp(1, len(levels) - 1)
+    return above - 1 + (alpha - levels[above - 1]) / (levels[above] - levels[above - 1])
 
 
 def _lobe(cosine: Tensor, roughness: float) -> Tensor:

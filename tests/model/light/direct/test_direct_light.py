@@ -162,6 +162,31 @@ def test_rough_surfaces_mirror_the_mean_of_what_is_around():
     np.testing.assert_allclose(seen, expected, rtol=0.05)
 
 
+def test_mirrors_show_the_sky_as_sharp_as_its_map():
+    """One texel of the map shines."""
+    radiance = torch.zeros(256, 512, 3)
+    radiance[100, 300] = 1
+    looking = torch.tensor(direction_map(256, 512)[[100, 100], [300, 302]])
+    seen = EnvironmentLight(radiance).filtered(looking, torch.zeros(2))
+    assert seen[0].min() > 0.99 and seen[1].max() < 0.01
+
+
+def test_a_pixel_of_a_bent_mirror_shows_the_mean_of_what_it_mirrors():
+    """Stripes of the sky, an eighth of a radian wide, in a mirror that turns by a quarter from pixel to pixel."""
+    directions = torch.from_numpy(direction_map(256, 512))
+    azimuth = torch.atan2(directions[..., 1], directions[..., 0])
+    sky = EnvironmentLight((torch.sin(8 * math.pi * azimuth) > 0).float()[..., None].expand(-1, -1, 3))
+    angle = torch.linspace(-1, 1, 200)
+    n = torch.stack([angle.cos(), angle.sin(), 0 * angle], 1)
+    flat = torch.zeros(len(n), 2, 9)
+    bent = flat.clone()
+    bent[:, 0, 4] = 0.25
+    found = [sky.reflected(n, torch.tensor([[1.0, 0, 0]]).expand_as(n), torch.zeros(200), torch.ones(200), footprint)
+             for footprint in (flat, bent)]
+    assert found[0].std() > 0.45 and found[1].std() < 0.2
+    assert found[1].mean().item() == pytest.approx(0.5, abs=0.05)
+
+
 def test_a_sun_shines_alike_on_near_and_far_ground():
     sun = floor_scene()
     sun.triangles[sun.is_light] = (sun.triangles[sun.is_light] - np.float32((0, 0, 2))) * 25 + np.float32((0, 0, 50))
