@@ -28,7 +28,7 @@ from .footprints import TURNED, mirrored_turn2, points_within
 
 ROUGHNESS_LEVELS = 0.0, 0.125, 0.18, 0.25, 0.5, 0.75, 1.0
 POOLED = {0.125: (128, 256), 0.18: (64, 128)}  # sizes of maps whose pixels are as wide as lobes of this roughness
-BLUR = 0.32                           # roughness at which one of many rays reads the map
+BLUR = 0.3                            # roughness at which one of many rays reads the map
 POLISHED = 0.1                        # roughness up to which a lobe is narrow from all sides
 TAPS = 32                             # of a wider lobe
 FLAT = 0.01                           # radians by which mirrored directions turn in pixels that are one direction
