@@ -37,8 +37,8 @@ from .vectors import dot
 GLOSS_RAYS = 0.25      # share of the rays of a glossy lobe, of what mirrors and glass show
 BEYOND = 4.0           # network units from a camera that sees nothing: no medium is farther off
 BANDS = 0.95           # of the work, before edges
-BAND_PIXELS = 1 << 16  # estimated at a time by each thread: tensors of a large picture are gigabytes
-BAND_ROWS = 8          # bands have a multiple of so many rows, so that each begins at a probe
+BAND_PIXELS = 1 << 17  # estimated at a time by each thread: tensors of a large picture are gigabytes
+BAND_ROWS = 8          # bands have a multiple of so many rows, as many of which probes beside them light too
 
 
 @dataclass
@@ -63,15 +63,16 @@ def estimate_light(light: SceneLight, view: View, guides: Guides, effort: Effort
     height, width = guides.alpha.shape
     effort, pictures = effort.of_picture(view.width * view.height), Once()
 
-    def estimate(band: slice) -> None:
-        of_band = _estimate_band(light, view, guides.rows(band), band.start, effort, with_direct)
-        picture = pictures.get(lambda: _with_height(of_band, height))
+    def estimate(outer: slice, inner: slice) -> None:
+        of_band = _estimate_band(light, view, guides.rows(outer), outer.start, effort, with_direct)
+        picture, band = pictures.get(lambda: _with_height(of_band, height)), slice(
+            outer.start + inner.start, outer.start + inner.stop)
         for name in SurfaceLight.PICTURES:
-            getattr(picture, name)[..., band, :] = getattr(of_band, name)
+            getattr(picture, name)[..., band, :] = getattr(of_band, name)[..., inner, :]
 
     with part(0.0, BANDS):
         pixels = current_pieces().limit(BAND_PIXELS)
-        shared(estimate, [band for band, _ in bands(height, width, margin=0, pixels=pixels, multiple=BAND_ROWS)],
+        shared(estimate, *zip(*bands(height, width, BAND_ROWS, pixels, BAND_ROWS), strict=True),
                device=light.direct.device)
     picture = pictures.get(None)
     if effort.edges:

@@ -7,12 +7,13 @@ import pytest
 import torch
 
 from renderformer_v2.model.fields import layouts
+from renderformer_v2.model.first_hits.camera_rays import cast_guides
 from renderformer_v2.model.light import estimate
 from renderformer_v2.model.light.effort import FULL
 from renderformer_v2.model.light.estimate import estimate_light
 from renderformer_v2.model.light.surface_light import SurfaceLight
 from renderformer_v2.model.scene import ENVIRONMENT_SHAPE, ROUGHNESS
-from tests.model.samples import floor_scene, floor_view, scene_light, walls, with_black_lamps
+from tests.model.samples import flat, floor_scene, floor_view, scene_light, walls, with_black_lamps
 
 
 def test_light_has_the_shapes_that_it_says_and_traced_light_is_passed_on():
@@ -87,6 +88,18 @@ def test_bands_of_a_large_picture_change_nothing(monkeypatch):
     bands = estimate_light(light, view, guides)
     for name in vars(whole):
         torch.testing.assert_close(getattr(bands, name), getattr(whole, name))
+
+
+@pytest.mark.parametrize("rows", [16, 32])
+def test_a_shadow_has_no_seam_where_bands_meet(monkeypatch, rows):
+    """Of a board close above the far half of the floor."""
+    scene, view = floor_scene(side=6), floor_view()[0]
+    board = scene.triangles[~scene.is_light] * np.float32((1, 0.5, 1)) + np.float32((0, 0.5, 0.1))
+    light = scene_light(scene.appended(flat(board, (0.5, 0.5, 0.5))))
+    guides = cast_guides(light.scene, view)
+    whole = estimate_light(light, view, guides).direct
+    monkeypatch.setattr(estimate, "BAND_PIXELS", rows * view.width)
+    torch.testing.assert_close(estimate_light(light, view, guides).direct, whole, rtol=0, atol=1e-4 * whole.max())
 
 
 @pytest.mark.parametrize("lobe", ["mirrored", "layer"])
