@@ -30,7 +30,7 @@ from ..progress.status import Status
 from ..registering import handlers
 from . import background as background_cycles
 from . import run as cycles_run
-from . import session as cycles_session
+from . import session_overrides
 from .fingerprint import describe_world, node_trees
 
 _SETTINGS = {"cycles.pixel_filter_type": "BOX", "cycles.filter_width": 1.0, "cycles.use_denoising": False,
@@ -112,11 +112,11 @@ class CyclesWorld:
         had_context, engine.bl_use_gpu_context = engine.bl_use_gpu_context, True
         try:
             with cycles_run.overrides(engine, depsgraph) as override:
-                override(depsgraph.scene_eval, cycles_session.ALWAYS | cycles_session.FIRST_HITS_ONLY | _SETTINGS
+                override(depsgraph.scene_eval, session_overrides.ALWAYS | session_overrides.FIRST_HITS_ONLY | _SETTINGS
                          | {"cycles.samples": int(np.clip(samples, 1, MOST_SAMPLES))})
                 if not _isolate(compat.world(depsgraph), ray, with_discs, override):
                     return None
-                cycles_session.hide_all(depsgraph, override)
+                session_overrides.hide_all(depsgraph, override)
                 _disable_motion_blur(depsgraph.scene_eval, override)
                 for camera in {eye.camera for eye in eyes(engine, depsgraph)}:  # whose panoramas will be the same
                     _point_camera(camera, frame, half, override)

@@ -23,7 +23,7 @@ from ..convert.meshes.nearest import NearestTriangles
 from ..cycles import growing
 from ..cycles import session as cycles_session
 from ..cycles.run import Passes
-from ..cycles.session import PINHOLE, CameraModel, Catchers
+from ..cycles.session_options import PINHOLE, CameraModel, Catchers, SessionOptions
 from ..passes import SHADOW_CATCHER
 from ..progress.stages import ALPHA, CATCHERS, FIRST_HITS, SAMPLE_HITS
 from ..sampling import Sampling
@@ -110,16 +110,16 @@ def render_first_hits(layer: Layer, scene: RenderScene, views: dict[str, View],
 def render_sample_hits(layer: Layer, scene: RenderScene, optics: Optics,
                        number: int) -> dict[str, tuple[View, Guides]]:
     """By view: the view from the sample of that number on the lens, or from the lens' middle, and its guides."""
-    views, model, hits, samples = layer.views(), PINHOLE, {}, optics.lens_samples
+    views, camera, hits, samples = layer.views(), PINHOLE, {}, optics.lens_samples
     if samples > 1:
         lenses = {eye.view: Lens.of(eye) for eye in layer.eyes()
                   if eye.camera.data.type != "PANO" and eye.camera.data.dof.use_dof}
         points = {name: lens.points(samples)[number] for name, lens in lenses.items()}
         views |= {name: lens.view(views[name], points[name]) for name, lens in lenses.items()}
         by_camera = {lens.camera.name_full: (lens, points[name]) for name, lens in lenses.items()}
-        model = CameraModel(move_cameras=functools.partial(_move_to_samples, list(by_camera.values())))
+        camera = CameraModel(move_cameras=functools.partial(_move_to_samples, list(by_camera.values())))
     with layer.plan.enter(SAMPLE_HITS):
-        rendered = _run_session(layer, scene, model, optics.rays_of_sample(layer.settings.sampling))
+        rendered = _run_session(layer, scene, camera, optics.rays_of_sample(layer.settings.sampling))
         for index, (name, view) in enumerate(views.items()):
             with progress.part(*_remaining_share(CYCLES_SHARE, index, len(views))):
                 hits[name] = view, _make_guides(layer, clear_outside(rendered[name], _outside(view)), scene, view)
@@ -149,9 +149,9 @@ def _make_guides(layer: Layer, passes: Passes, scene: RenderScene, view: View) -
 
 def _film(layer: Layer) -> CameraModel:
     """The camera of the picture. What a blurred film shows of the world is denoised with all else if it is opaque."""
-    optics, model = layer.optics, layer.optics.camera_model()
+    optics, camera = layer.optics, layer.optics.camera_model()
     cuts_holes = layer.settings.film_transparent or optics.holdouts or optics.shadow_catchers
-    return model._replace(opaque_film=model.is_blurred and not cuts_holes)
+    return camera._replace(opaque_film=camera.is_blurred and not cuts_holes)
 
 
 def _outside(view: View) -> np.ndarray | None:
@@ -168,7 +168,7 @@ def _move_to_samples(lenses: list[tuple[Lens, np.ndarray]], override) -> None:
         lens.look_from(point, override)
 
 
-def _run_session(layer: Layer, scene: RenderScene, model: CameraModel, sampling: Sampling,
+def _run_session(layer: Layer, scene: RenderScene, camera: CameraModel, sampling: Sampling,
                  shown: dict[str, View] | None = None) -> dict[str, Passes]:
     """The passes of cycles_session.render_views.
 
@@ -182,9 +182,12 @@ def _run_session(layer: Layer, scene: RenderScene, model: CameraModel, sampling:
             stack.enter_context(growing.announced(growing.Reference(
                 layer.name, view.width, view.height, 0.0, functools.partial(status.samples, most), most,
                 time.perf_counter(), *(layer.border[::2] if layer.border else (0, 0)), tuple(shown), is_beside=False)))
-        return cycles_session.render_views(layer.engine, layer.depsgraph, sampling=sampling, model=model,
-                                           light=settings.light, hazy=bool(scene.volumes), threads=settings.threads,
-                                           report=layer.report, groups=layer.light_groups)
+        return _render_views(layer, SessionOptions(sampling, settings.light, camera, has_volumes=bool(scene.volumes),
+                                                   threads=settings.threads, groups=layer.light_groups))
+
+
+def _render_views(layer: Layer, options: SessionOptions) -> dict[str, Passes]:
+    return cycles_session.render_views(layer.engine, layer.depsgraph, options, layer.report)
 
 
 def _render_opacity(layer: Layer, views: dict[str, View]) -> dict[str, np.ndarray | None]:
@@ -202,12 +205,12 @@ def _render_catchers(layer: Layer, views: Iterable[str]) -> dict[str, tuple[Pass
     """If there are shadow catchers, the passes with what they show, and (H, W, 1) the coverage by everything else."""
     if not layer.optics.shadow_catchers:
         return dict.fromkeys(views)
-    model, settings, sessions = layer.optics.camera_model(), layer.settings, []
-    cut = model._replace(catchers=Catchers.CUT)
-    catching = model._replace(catchers=Catchers.CATCH, opaque_film=not settings.film_transparent)
-    for light, session_model in ((Light.NONE, cut), (Light.TRACED, catching)):
+    camera, settings, sessions = layer.optics.camera_model(), layer.settings, []
+    cut = camera._replace(catchers=Catchers.CUT)
+    catching = camera._replace(catchers=Catchers.CATCH, opaque_film=not settings.film_transparent)
+    for light, session_camera in ((Light.NONE, cut), (Light.TRACED, catching)):
         with layer.plan.enter(CATCHERS), layer.status.during_cycles("Shadow catchers {}"):
-            sessions.append(_render_all_samples(layer, light, session_model))
+            sessions.append(_render_all_samples(layer, light, session_camera))
     without, caught = sessions
     return {name: (passes, without[name]["alpha"]) for name, passes in caught.items()}
 
@@ -230,7 +233,6 @@ def _shadow_catcher_pass(catching: tuple[Passes, np.ndarray] | None, rendered: P
     return {SHADOW_CATCHER.key: np.broadcast_to(np.float32(1), rendered["emission"].shape)}
 
 
-def _render_all_samples(layer: Layer, light: Light, model: CameraModel) -> dict[str, Passes]:
-    return cycles_session.render_views(
-        layer.engine, layer.depsgraph, sampling=layer.optics.rays_of_picture(layer.settings.sampling), light=light,
-        model=model, threads=layer.settings.threads, report=layer.report)
+def _render_all_samples(layer: Layer, light: Light, camera: CameraModel) -> dict[str, Passes]:
+    sampling = layer.optics.rays_of_picture(layer.settings.sampling)
+    return _render_views(layer, SessionOptions(sampling, light, camera, threads=layer.settings.threads))

@@ -8,7 +8,7 @@ import bpy
 
 from ..convert.copying.visibility import has_holdouts, shadow_catchers
 from ..convert.data.report import Report
-from ..cycles.session import CameraModel
+from ..cycles.session_options import CameraModel
 from ..sampling import Sampling
 from ..settings import Light
 from . import shutter

@@ -26,9 +26,9 @@ def test_keyframed_settings_are_those_of_each_frame(scene, tmp_path, monkeypatch
     settings.max_edge = 0.02  # fills any budget
     used, triangles = [], []
 
-    def first_hits(*arguments, real=cycles_session.render_views, **options):
-        used.append(options["sampling"].most)
-        return real(*arguments, **options)
+    def first_hits(engine, depsgraph, options, report, real=cycles_session.render_views):
+        used.append(options.sampling.most)
+        return real(engine, depsgraph, options, report)
     monkeypatch.setattr(cycles_session, "render_views", first_hits)
     keep = lambda *_: triangles.append(last_render.last_frame[0].triangles)  # noqa: E731
     bpy.app.handlers.render_post.append(keep)

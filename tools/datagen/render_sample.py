@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 
 import bpy
 import numpy as np
@@ -20,7 +19,7 @@ from renderformer_v2.rf2_engine.convert.data.copied import ConversionOptions  # 
 from renderformer_v2.rf2_engine.convert.data.report import Report  # noqa: E402
 from renderformer_v2.rf2_engine.convert.scene import convert  # noqa: E402
 from renderformer_v2.rf2_engine.cycles import session as cycles_session  # noqa: E402
-from renderformer_v2.rf2_engine.cycles.session import CameraModel  # noqa: E402
+from renderformer_v2.rf2_engine.cycles.session_options import CameraModel, SessionOptions  # noqa: E402
 from renderformer_v2.rf2_engine.cycles.world import CyclesWorld  # noqa: E402
 from renderformer_v2.rf2_engine.frame.first_hits import make_guides  # noqa: E402
 from renderformer_v2.rf2_engine.progress.status import Status  # noqa: E402
@@ -81,19 +80,22 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
     converted = time.perf_counter()
     cycles = depsgraph.scene_eval.cycles
     clamp, cycles.sample_clamp_indirect = cycles.sample_clamp_indirect, 0.0
-    counts, hazy = sample.counts, bool(sample.scene.volumes)
-    # Through media the world is noisy, and is denoised with what is before it.
-    finished = partial(cycles_session.render_passes, engine, depsgraph, light=Light.ALL, denoise=True,
-                       model=CameraModel(opaque_film=hazy))
-    reference = finished(sampling=Sampling(counts.reference))
+    counts, has_volumes = sample.counts, bool(sample.scene.volumes)
+
+    def render_reference(samples: int) -> dict[str, np.ndarray]:
+        # Through media the world is noisy, and is denoised with what is before it.
+        return cycles_session.render_passes(engine, depsgraph, SessionOptions(
+            Sampling(samples), Light.ALL, CameraModel(opaque_film=has_volumes), denoise=True))
+
+    reference = render_reference(counts.reference)
     cycles.sample_clamp_indirect = clamp
     cycles.seed += 1  # hints must not share the reference's noise
-    hints = cycles_session.render_passes(engine, depsgraph, sampling=Sampling(counts.hints), light=Light.TRACED,
-                                         hazy=hazy)
+    hints = cycles_session.render_passes(engine, depsgraph, SessionOptions(
+        Sampling(counts.hints), Light.TRACED, has_volumes=has_volumes))
     if counts.equal:
-        reference["equal"] = finished(sampling=Sampling(counts.equal))["combined"]
+        reference["equal"] = render_reference(counts.equal)["combined"]
     cycles.seed -= 1
-    if hazy:
+    if has_volumes:
         for name in {"combined", "equal"} & reference.keys():
             reference[name][..., :3] -= reference["environment"]
         reference["combined"][..., 3:] = hints["alpha"]

@@ -10,7 +10,7 @@ import cycles.engine as cycles_engine
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine import compat
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import run as cycles_run
-from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import session as cycles_session
+from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import session_overrides
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_hits as first_hits
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame.first_hits import make_guides
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
@@ -150,7 +150,7 @@ def test_traced_light_leaves_the_scene_as_it_was(scene, tmp_path):
 def test_tiles_of_large_pictures_change_nothing_and_leave_no_file_after_esc(shadowed, tmp_path, monkeypatch):
     shadowed.render.resolution_x, shadowed.render.resolution_y = 300, 40
     whole = press_f12(shadowed, tmp_path)
-    monkeypatch.setattr(cycles_session, "PIXELS_PER_THREAD", 100)
+    monkeypatch.setattr(session_overrides, "PIXELS_PER_THREAD", 100)
     texts = []
 
     def read(text, real=EngineText.read):

@@ -60,9 +60,9 @@ def test_a_holdout_in_fog_has_the_edge_that_it_has_in_cycles(scene, tmp_path, by
 def test_transparent_glass_costs_a_second_run_of_cycles_only_where_it_acts(behind_glass, tmp_path, monkeypatch, change):
     runs = []
 
-    def render_views(*arguments, real=cycles_session.render_views, **options):
+    def render_views(engine, depsgraph, options, report, real=cycles_session.render_views):
         runs.append(options)
-        return real(*arguments, **options)
+        return real(engine, depsgraph, options, report)
     monkeypatch.setattr(cycles_session, "render_views", render_views)
     if change == "no glass":
         bpy.data.objects.remove(bpy.data.objects["Pane"])

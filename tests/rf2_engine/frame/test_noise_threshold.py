@@ -32,8 +32,8 @@ def taken(monkeypatch):
     """(H, W) samples of the pixels of each session of Cycles."""
     sessions = []
 
-    def render_views(*arguments, real=cycles_session.render_views, **options):
-        views = real(*arguments, **options)
+    def render_views(engine, depsgraph, options, report, real=cycles_session.render_views):
+        views = real(engine, depsgraph, options, report)
         sessions.extend(passes["samples"][..., 0] for passes in views.values())
         return views
     monkeypatch.setattr(cycles_session, "render_views", render_views)

@@ -7,7 +7,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import run as cycles_run
-from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import session as cycles_session
+from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import session_overrides
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
 
@@ -257,7 +257,7 @@ def test_a_failure_while_cycles_is_prepared_leaves_no_override_behind(scene, tmp
     scene.renderformer_v2.light, scene.render.use_persistent_data = "NETWORK", persistent
     whole = press_f12(scene, tmp_path)["ViewLayer.Combined"]
     with monkeypatch.context() as broken:
-        broken.setitem(cycles_session._UNLIT, "visible_shadow", "no such value")
+        broken.setitem(session_overrides._UNLIT, "visible_shadow", "no such value")
         with pytest.raises(RuntimeError, match="no such value|expected"):
             bpy.ops.render.render(scene=scene.name)
     again = press_f12(scene, tmp_path)["ViewLayer.Combined"]

@@ -102,9 +102,9 @@ def test_passes_and_alpha_are_those_of_cycles(still_life, tmp_path, change, film
 def test_a_view_layer_has_its_own_samples_and_its_name_may_be_too_long_for_files(scene, tmp_path, monkeypatch):
     taken = []
 
-    def render_views(*arguments, real=cycles_session.render_views, **options):
-        taken.append(options["sampling"].most)
-        return real(*arguments, **options)
+    def render_views(engine, depsgraph, options, report, real=cycles_session.render_views):
+        taken.append(options.sampling.most)
+        return real(engine, depsgraph, options, report)
     monkeypatch.setattr(cycles_session, "render_views", render_views)
     second = scene.view_layers.new("n" * 60)
     second.renderformer_v2.samples = 3
