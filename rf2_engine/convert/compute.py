@@ -24,6 +24,7 @@ from .fitting.sizes import Sizes
 from .fitting.visible import find_visible
 from .lamps.lamps import convert_lamps, split_negative
 from .lamps.one_triangle import one_triangle
+from .lamps.placed_lamp import BoundingSphere
 from .lamps.world import WorldLight, convert_world_light
 from .media import medium
 from .media.fire import fire_of
@@ -133,16 +134,15 @@ def _plan(copied: CopiedScene, view: View | None, options: ConversionOptions, re
     clear = add_fog(collected, copied.world, framing.box, view, shown, report)
     sky = sky.dimmed(clear)
     suns = [replace(sun, light_group=copied.world_light_group) for sun in sky.suns]
-    center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    place = center, radius, clear, report
+    sphere, most = BoundingSphere.of_box(low, high), options.token_budget // 2
     positive, negative = split_negative(collected.lamps)
-    lamps = convert_lamps(positive, suns, options.token_budget // 2, *place)
-    shapes = convert_lamps(negative, [], options.token_budget // 2, *place)
-    taken = shapes[0].appended(*shapes[1:]) if shapes else None
+    lamps = convert_lamps(positive, suns, most, sphere, clear, report)
+    negative_lamps = convert_lamps(negative, [], most, sphere, clear, report)
+    negative_lamp = negative_lamps[0].appended(*negative_lamps[1:]) if negative_lamps else None
     budget = options.token_budget - sum(map(len, lamps))
     sizes = Sizes(options.max_edge, Normalization.of(RenderScene(box=framing.box)), framing.apparent)
     with progress.part(0.3, 0.35):
         targets = sizes.find_targets(collected.parts, budget)
         progress.report()
         simplification = allot_triangles(collected, budget, framing, hits, targets, report)
-    return _Plan(collected, framing, lamps, taken, sky, budget, sizes, simplification)
+    return _Plan(collected, framing, lamps, negative_lamp, sky, budget, sizes, simplification)

@@ -34,6 +34,7 @@ from ..convert.data import mesh as meshes
 from ..convert.data.collected import CollectedScene, Part
 from ..convert.data.copied import Instance
 from ..convert.lamps.lamps import convert_lamps
+from ..convert.lamps.placed_lamp import BoundingSphere
 from ..convert.lamps.world import convert_world_light
 from ..convert.media.fog import add_fog
 from ..cycles.world import CyclesWorld
@@ -83,8 +84,8 @@ class _Export:
             raise SceneError(f'Scene "{name}" shows no surface: a frame needs at least one mesh')
         low, high = collected.bounds()
         clear = add_fog(collected, copied.world, np.float32([low, high]), None, None, self.report)
-        lamps = convert_lamps(collected.lamps, sky.suns, MOST_LAMP_TRIANGLES, (low + high) / 2,
-                              float(np.linalg.norm(high - low)) / 2, clear, self.report)
+        lamps = convert_lamps(collected.lamps, sky.suns, MOST_LAMP_TRIANGLES, BoundingSphere.of_box(low, high), clear,
+                              self.report)
         (self.folder / MESHES).mkdir(parents=True, exist_ok=True)
         for part in collected.parts:
             for place in part.instances:

@@ -13,11 +13,11 @@ import numpy as np
 from ....model.beams import spread_borders
 from ....model.geometry import area_vectors
 from ....model.scene import HALF_SPACE, RenderScene
-from ..data.copied import Sun
+from ..data.copied import LampInstance, Sun
 from . import shapes
 from .beams import Cone, find_spot_beam
 from .lamp_power import ball_power, compute_lamp_light, normalized
-from .placed_lamp import Detail, PlacedLamp, beams, find_half_angle, rotation
+from .placed_lamp import BoundingSphere, Detail, PlacedLamp, beams, find_half_angle, rotation
 from .shapes import DARK, black, shining
 
 BALL_RADIUS = 0.001           # of the scene radius: least size of a point or spot lamp
@@ -32,41 +32,34 @@ WIDEST_SHADE = math.radians(80)  # of the black shade around a lamp that shines 
 FINE, COARSE = Detail(20, 12, 8, 4), Detail(8, 6, 4, 1)
 
 
-def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np.ndarray, radius: float,
-                  detail: Detail = FINE) -> RenderScene:
-    """Triangles of one lamp, ready for `RenderScene.appended`.
-
-    matrix_world: (4, 4) of the object; light: a Lamp (data/blocks.py); name: of the object, for the report; center
-    (3,) and radius: bounding sphere of the scene, world units, which decides where a sun stands and how small a lamp
-    may be.
-    """
-    lamp = _placed(matrix_world, light, name, report, center, radius, detail)
+def convert_light(instance: LampInstance, sphere: BoundingSphere, report, detail: Detail = FINE) -> RenderScene:
+    """Triangles of one lamp, ready for `RenderScene.appended`."""
+    lamp = _place(instance, sphere, report, detail)
     if lamp is None:
         return DARK
-    shape = CONVERTERS[light.type](lamp)
+    shape = CONVERTERS[lamp.light.type](lamp)
     return replace(shape, is_rough_guess=np.ones(len(shape), bool)) if lamp.is_rough_guess else shape
 
 
-def convert_sun_lamp(matrix_world: np.ndarray, light, name: str, report, center: np.ndarray,
-                     radius: float) -> Sun | None:
-    """A sun lamp as a Sun; arguments as of `convert_light`."""
-    lamp = _placed(matrix_world, light, name, report, center, radius, FINE)
+def convert_sun_lamp(instance: LampInstance, sphere: BoundingSphere, report) -> Sun | None:
+    """A sun lamp as a Sun; None if it emits no light."""
+    lamp = _place(instance, sphere, report, FINE)
     return None if lamp is None else _sun(lamp)
 
 
-def _placed(matrix_world, light, name, report, center, radius, detail) -> PlacedLamp | None:
+def _place(instance: LampInstance, sphere: BoundingSphere, report, detail: Detail) -> PlacedLamp | None:
     """None for a lamp that emits no light, perhaps with a remark."""
-    matrix, center = np.asarray(matrix_world, np.float64), np.asarray(center, np.float64)
+    light, name, matrix = instance.light, instance.name, instance.matrix
     frame = rotation(matrix)
-    light_output = compute_lamp_light(light, name, report, frame, float(np.linalg.norm(matrix[:3, 3] - center)))
+    distance = float(np.linalg.norm(matrix[:3, 3] - sphere.center))
+    light_output = compute_lamp_light(light, name, report, frame, distance)
     if light_output is None:
         return None
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     if not all(scale[axis] for axis in NEEDED_AXES[light.type]):
         report.skipped(name, "its scale is 0, so it gives no light: reset its scale")
         return None
-    return PlacedLamp(light, light_output, name, report, matrix[:3, 3], frame, scale, center, max(radius, 1e-6), detail,
-                      light_output.is_rough_guess)
+    return PlacedLamp(instance, light_output, report, frame, scale, sphere, detail, light_output.is_rough_guess)
 
 
 def _area(lamp: PlacedLamp) -> RenderScene:
@@ -81,7 +74,7 @@ def _area(lamp: PlacedLamp) -> RenderScene:
         front = back = shapes.disk(*size, lamp.detail.disk_corners)
     else:
         fewest = 1 if lamp.light_output.texture is None else CELLS_OF_TEXTURE
-        cells = np.ceil(size / (CELL * lamp.scene_radius)).clip(fewest).clip(max=lamp.detail.most_cells).astype(int)
+        cells = np.ceil(size / (CELL * lamp.sphere.radius)).clip(fewest).clip(max=lamp.detail.most_cells).astype(int)
         front, back = shapes.rectangle(*size, *cells), shapes.rectangle(*size)
     gain, border = 1.0, HALF_SPACE
     if light.spread < WIDEST_SPREAD:
@@ -137,12 +130,12 @@ def _ball(lamp: PlacedLamp, cones: list[Cone], half_angle: float) -> RenderScene
 
 def _softened(lamp: PlacedLamp) -> float:
     """Factor of Soft Falloff: Cycles takes a disk that faces the point it lights, here the center of the scene."""
-    away = max(float(np.linalg.norm(lamp.position - lamp.scene_center)), lamp.scene_radius / 2)
+    away = max(float(np.linalg.norm(lamp.position - lamp.sphere.center)), lamp.sphere.radius / 2)
     return 1 / (1 + (lamp.light.shadow_soft_size / away) ** 2) if lamp.light.use_soft_falloff else 1.0
 
 
 def _ball_radius(lamp: PlacedLamp) -> float:
-    size, least = lamp.light.shadow_soft_size, BALL_RADIUS * lamp.scene_radius
+    size, least = lamp.light.shadow_soft_size, BALL_RADIUS * lamp.sphere.radius
     if size < 0.99 * least:
         lamp.approximated(f"its radius is {least:.3g} instead of {size:.3g}: estimated shadows are softer")
     return max(size, least)
@@ -158,17 +151,14 @@ def _sun(lamp: PlacedLamp) -> Sun:
     return Sun(lamp.frame[:, 2], lamp.strength * disk, own)
 
 
-def convert_sun(sun: Sun, center: np.ndarray, radius: float, detail: Detail = FINE) -> RenderScene:
-    """A distant disk that fills the sun's solid angle, seen from the middle of the scene.
-
-    center (3,) and radius: bounding sphere of the scene, world units.
-    """
+def convert_sun(sun: Sun, sphere: BoundingSphere, detail: Detail) -> RenderScene:
+    """A distant disk that fills the sun's solid angle, seen from the middle of the scene."""
     pose = np.eye(3)
     pose[:, 2] = sun.toward
     frame, angle = rotation(pose), np.clip(sun.angle, SUN_ANGLE, math.radians(170))
-    distance = SUN_DISTANCE * max(radius, 1e-6)
+    distance = SUN_DISTANCE * sphere.radius
     size = 2 * distance * math.tan(angle / 2)
-    triangles = shapes.disk(size, size, detail.disk_corners) @ frame.T + np.asarray(center, np.float64)
+    triangles = shapes.disk(size, size, detail.disk_corners) @ frame.T + sphere.center
     triangles += distance * frame[:, 2]
     return shining(triangles, sun.irradiance / (math.pi * math.sin(angle / 2) ** 2), -frame[:, 2], HALF_SPACE)
 
@@ -176,5 +166,5 @@ def convert_sun(sun: Sun, center: np.ndarray, radius: float, detail: Detail = FI
 NEEDED_AXES = {"AREA": (0, 1, 2), "POINT": (), "SPOT": (0, 1, 2), "SUN": (2,)}  # at scale 0 Cycles shows no light
 CONVERTERS = {
     "AREA": _area, "POINT": _point, "SPOT": _spot,
-    "SUN": lambda lamp: convert_sun(_sun(lamp), lamp.scene_center, lamp.scene_radius, lamp.detail),
+    "SUN": lambda lamp: convert_sun(_sun(lamp), lamp.sphere, lamp.detail),
 }

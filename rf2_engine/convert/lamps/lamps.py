@@ -15,6 +15,7 @@ from ....model.scene import RenderScene
 from ..data.copied import LampInstance, Sun
 from ..data.mesh import within_reach
 from .lamp_triangles import COARSE, FINE, convert_light, convert_sun, convert_sun_lamp
+from .placed_lamp import BoundingSphere, Detail
 from .shapes import reach_of, reaching
 from .suns import merge_suns
 
@@ -22,25 +23,23 @@ SUNS_SHARE = 0.25        # of the triangles, where there are too many
 FACING, COLOR = 0.3, 0.1  # how much differences in these count beside a distance of the scene's radius
 
 
-def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, center: np.ndarray, radius: float,
+def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, sphere: BoundingSphere,
                   clear: np.ndarray, report) -> list[RenderScene]:
     """Triangles of each lamp and each sun; too many become coarser, and then close ones are merged.
 
-    budget: most triangles of all together; center (3,) and radius: bounding sphere of the scene, world units; clear
-    (3,): the share of sunlight that reaches it.
+    budget: most triangles of all together; clear (3,): the share of sunlight that reaches the scene.
     """
-    sun_lamps = [(convert_sun_lamp(lamp.matrix, lamp.light, lamp.name, report, center, radius), lamp)
-                 for lamp in lamps if _is_sun(lamp)]
+    sun_lamps = [(convert_sun_lamp(lamp, sphere, report), lamp) for lamp in lamps if _is_sun(lamp)]
     suns = suns + [replace(sun, irradiance=sun.irradiance * clear, reach=lamp.reach, light_group=lamp.light_group)
                    for sun, lamp in sun_lamps if sun is not None and clear.any()]
     lamps = [lamp for lamp in lamps if not _is_sun(lamp)]
     usual = 0
     for detail in FINE, COARSE:
-        distant = _sun_disks(suns, center, radius, detail, report)
+        distant = _sun_disks(suns, sphere, detail, report)
         near = []
         for i, lamp in enumerate(lamps):
             progress.report(i / len(lamps))
-            shape = convert_light(lamp.matrix, lamp.light, lamp.name, report, center, radius, detail)
+            shape = convert_light(lamp, sphere, report, detail)
             shape = reaching(_within_numbers(shape, lamp.name, report), lamp.reach)
             near.append(_in_group(shape, lamp.light_group))
         near = [shape for shape in near if shape.is_light.any()]
@@ -52,11 +51,11 @@ def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, cente
         usual = count
     most = max(int(SUNS_SHARE * budget) // max(map(len, distant), default=1), 1)
     if len(suns) > most:
-        distant = _sun_disks(merge_suns(suns, most), center, radius, COARSE, report)
+        distant = _sun_disks(merge_suns(suns, most), sphere, COARSE, report)
     room, fewer = budget - sum(map(len, distant)), near
     most = max(room * len(near) // max(sum(map(len, near)), 1), 1)
     while sum(map(len, fewer)) > room and most > 0:
-        fewer, most = _merge_lamps(near, most, center, max(radius, 1e-6)), int(0.9 * most)
+        fewer, most = _merge_lamps(near, most, sphere), int(0.9 * most)
     report.approximated("Lamps", f"in estimated light {len(fewer) + len(distant)} lights replace "
                                  f"{len(near) + len(suns)}, each with the light of those near it: raise Max Triangles")
     return fewer + distant
@@ -77,8 +76,8 @@ def _is_sun(lamp: LampInstance) -> bool:
     return lamp.light.type == "SUN"
 
 
-def _sun_disks(suns: list[Sun], center: np.ndarray, radius: float, detail, report) -> list[RenderScene]:
-    return [_in_group(reaching(_within_numbers(convert_sun(sun, center, radius, detail), "Sun", report), sun.reach),
+def _sun_disks(suns: list[Sun], sphere: BoundingSphere, detail: Detail, report) -> list[RenderScene]:
+    return [_in_group(reaching(_within_numbers(convert_sun(sun, sphere, detail), "Sun", report), sun.reach),
                       sun.light_group) for sun in suns]
 
 
@@ -94,13 +93,13 @@ def _within_numbers(shape: RenderScene, name: str, report) -> RenderScene:
     return replace(shape, emission=report.finite(name, "its light", shape.emission))
 
 
-def _merge_lamps(shapes: list[RenderScene], most: int, center: np.ndarray, radius: float) -> list[RenderScene]:
+def _merge_lamps(shapes: list[RenderScene], most: int, sphere: BoundingSphere) -> list[RenderScene]:
     """At most so many lamps (or one of each kind and light group) that give as much light of each colour."""
     flux, positions, facing, kind = (np.array(rows) for rows in zip(*map(_summary, shapes), strict=True))
     power = flux.mean(axis=1)
-    offset = positions - center
+    offset = positions - sphere.center
     # Outside of the scene only directions differ.
-    offset = offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), radius)
+    offset = offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), sphere.radius)
     features = np.concatenate([offset, FACING * facing, COLOR * flux / flux.sum(axis=1, keepdims=True)], axis=1)
     kind = np.unique(np.stack([kind.astype(np.uint64), *np.array([reach_of(shape) for shape in shapes], np.uint64).T]),
                      axis=1, return_inverse=True)[1].reshape(-1)

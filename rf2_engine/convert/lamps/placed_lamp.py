@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ....model.beams import beam_share
 from ..data.blocks import Lamp
+from ..data.copied import LampInstance
 from .beams import Cone, cones, sphere
 from .lamp_power import LampLight
 
@@ -26,25 +28,42 @@ class Detail:
     most_cells: int  # along one side of an area lamp
 
 
+class BoundingSphere(NamedTuple):
+    """Of the scene: it decides where suns stand and how small lamps may be."""
+
+    center: np.ndarray  # (3,) f64, world
+    radius: float       # world units, more than 0
+
+    @classmethod
+    def of_box(cls, low: np.ndarray, high: np.ndarray) -> BoundingSphere:
+        """The sphere around a box with these corners (3,)."""
+        return cls(np.asarray((low + high) / 2, np.float64), max(float(np.linalg.norm(high - low)) / 2, 1e-6))
+
+
 @dataclass
 class PlacedLamp:
     """A lamp's strength, its pose without scale (it shines along -Z), and the scene it stands in."""
 
-    light: Lamp
+    instance: LampInstance
     light_output: LampLight
-    name: str
     report: object
-    position: np.ndarray         # (3,)
-    frame: np.ndarray         # (3, 3) rotation
-    scale: np.ndarray         # (3,)
-    scene_center: np.ndarray  # (3,)
-    scene_radius: float
+    frame: np.ndarray  # (3, 3) rotation
+    scale: np.ndarray  # (3,)
+    sphere: BoundingSphere
     detail: Detail
     is_rough_guess: bool = False  # as RenderScene has it
 
     @property
-    def beam_axis(self) -> np.ndarray:
-        return -self.frame[:, 2]
+    def light(self) -> Lamp:
+        return self.instance.light
+
+    @property
+    def name(self) -> str:
+        return self.instance.name
+
+    @property
+    def position(self) -> np.ndarray:
+        return self.instance.matrix[:3, 3]
 
     @property
     def strength(self) -> np.ndarray:

@@ -4,8 +4,10 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.copied import LampInstance
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.lamps.lamp_triangles import convert_light
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.lamps.placed_lamp import BoundingSphere
 from mathutils import Matrix
 
 from tests.rf2_engine.convert.copies import copied
@@ -35,7 +37,8 @@ def shining(kind, **settings):
 
 
 def converted(obj, report=None):
-    scene = convert_light(np.array(obj.matrix_world), copied(obj.data), obj.name, report or Report(), np.zeros(3), 1.0)
+    scene = convert_light(LampInstance(obj.name, np.array(obj.matrix_world, np.float64), copied(obj.data)),
+                          BoundingSphere(np.zeros(3), 1.0), report or Report())
     scene.validate()
     return scene
 

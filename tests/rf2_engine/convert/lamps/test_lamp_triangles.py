@@ -4,8 +4,10 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.copied import LampInstance
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.lamps.lamp_triangles import COARSE, FINE, convert_light
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.lamps.placed_lamp import BoundingSphere
 from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 
@@ -42,8 +44,8 @@ LAMPS = {
 
 
 def converted(obj, report=None, detail=FINE):
-    scene = convert_light(np.array(obj.matrix_world), copied(obj.data), obj.name, report or Report(), np.zeros(3), 1.0,
-                          detail)
+    scene = convert_light(LampInstance(obj.name, np.array(obj.matrix_world, np.float64), copied(obj.data)),
+                          BoundingSphere(np.zeros(3), 1.0), report or Report(), detail)
     scene.validate()
     return scene
 
@@ -148,7 +150,8 @@ def test_shade_of_a_spot_is_open_along_the_beam_only():
 def test_in_a_wide_place_a_lamp_is_still_as_small_as_its_housing():
     empty_cycles_scene()
     obj, report = lamp("POINT", Matrix(), energy=100, shadow_soft_size=0.1), Report()
-    scene = convert_light(np.eye(4), copied(obj.data), obj.name, report, np.zeros(3), 50.0)
+    scene = convert_light(LampInstance(obj.name, np.eye(4), copied(obj.data)), BoundingSphere(np.zeros(3), 50.0),
+                          report)
     assert np.linalg.norm(scene.triangles, axis=-1).max() < 0.15 and not report.entries
 
 
