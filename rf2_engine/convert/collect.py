@@ -15,7 +15,7 @@ from .data.report import Report
 from .media.volumes import MeshVolume, gridded
 from .meshes.displace import displace
 from .shading import volume as shading
-from .shading.material import EMITTER_RADIANCE, MaterialTiles
+from .shading.material_tiles import EMITTER_RADIANCE, MaterialTiles
 
 PROBES = 16  # triangles that tell whether a material emits
 UNIT_SQUARE = np.array([[(0, 0), (1, 0), (0, 1)], [(1, 1), (0, 1), (1, 0)]], np.float32)  # UV of two triangles

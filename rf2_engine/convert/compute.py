@@ -31,7 +31,7 @@ from .media.fire import fire_of
 from .media.fog import add_fog
 from .shading.glow import with_glow
 from .shading.hit_materials import HitMaterials
-from .shading.material import MaterialTiles
+from .shading.material_tiles import MaterialTiles
 from .shading.surfaces import assemble_surfaces
 
 UNIT_BOX = np.float32([(-HALF_EXTENT,) * 3, (HALF_EXTENT,) * 3])  # what the network's box is without scaling

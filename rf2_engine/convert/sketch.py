@@ -16,7 +16,7 @@ from .data.copied import CopiedMesh, CopiedScene, Instance
 from .data.mesh import TriangleMesh
 from .data.report import Report
 from .meshes.sampling import keep_sample
-from .shading.material import MaterialTiles
+from .shading.material import evaluate_material
 from .shading.points import surface_points
 from .shading.volume import has_surface
 
@@ -161,7 +161,7 @@ def _evaluated(material: Material | None, mesh: TriangleMesh, instance: Instance
     # Four points without an extent: nodes that compare neighbours find some, images are read as they are.
     points = surface_points(mesh, instance, row, np.tile(share[:, None, None], (1, 2, 2, 1)), True, Ray.CAMERA)
     with np.errstate(all="ignore"):
-        surface, _ = MaterialTiles(Report()).evaluate(material, points)
+        surface = evaluate_material(material, points, Report()).surface
         color = surface.base_color + surface.emission
     color = np.nan_to_num(_first(color, len(row))).clip(0, BRIGHTEST)
     return color, _first(surface.clear, len(row)).mean(axis=1)

@@ -12,9 +12,11 @@ from ..convert.data.blocks import Material
 from ..convert.data.copied import Instance
 from ..convert.data.mesh import TriangleMesh
 from ..convert.data.report import Report
-from ..convert.shading.material import EMITTER_RADIANCE, MaterialTiles, mean_over_triangle
+from ..convert.shading.material import evaluate_material
+from ..convert.shading.material_tiles import EMITTER_RADIANCE
 from ..convert.shading.normal_map import UP
 from ..convert.shading.points import surface_points
+from ..convert.shading.tile_arrays import mean_over_triangle
 from ..convert.shading.two_lobes import two_lobes
 
 PAPER_IOR = 1.5  # of dielectrics, at Specular IOR Level 1
@@ -69,7 +71,7 @@ class _Values(dict):
 
     def __init__(self, material: Material, points, report: Report):
         lobes = two_lobes(material, points)
-        surface, height = MaterialTiles(report, keeps_lobes=True).evaluate(material, points)
+        surface, height, *_ = evaluate_material(material, points, report, keeps_lobes=True)
         super().__init__({key: getattr(surface, key) for key in (
             "base_color", "metallic", "roughness", "ior", "transmission", "normal", "emission")}, height=height)
         self["base_color"] = np.minimum(self["base_color"], 1)  # no mapper was trained with more

@@ -10,10 +10,16 @@ from ....model.camera import view_rays_at
 from ....model.geometry import area_vectors
 from ....model.rays import Rays
 from ....model.scene import View
+from ....model.surface_kinds import Ray
+from ..data.blocks import Material
 from ..data.collected import CollectedScene, Part
+from ..data.copied import Instance
+from ..data.mesh import TriangleMesh
 from ..data.report import Report
 from ..meshes.sampling import keep_sample
-from ..shading.material import MaterialTiles
+from ..shading.material import evaluate_material
+from ..shading.points import surface_points
+from ..shading.tile_arrays import mean_over_triangle
 
 GRID = 64                 # rays along either side of the picture
 FEW = GRID * GRID // 144  # that hit something that does not emit
@@ -126,7 +132,16 @@ def is_pane(part: Part) -> bool:
     aligned = normals * np.where(normals @ largest < 0, -1, 1)[:, None]
     if np.linalg.norm(aligned.sum(axis=0)) < FLAT * np.linalg.norm(normals, axis=1).sum():
         return False
-    tiles = MaterialTiles(Report())
-    shares = [tiles.shows_through(part.materials[slot], some.take(some.slot == slot), part.instances[0], SMOOTH)
+    shares = [_transmitted_share(part.materials[slot], some.take(some.slot == slot), part.instances[0])
               for slot in np.unique(some.slot)]
     return bool(np.mean(np.concatenate(shares)) > CLEAR)
+
+
+def _transmitted_share(material: Material | None, mesh: TriangleMesh, instance: Instance) -> np.ndarray:
+    """(n,) share of light that goes straight, or through SMOOTH glass, at triangles with one material."""
+    if material is None:
+        return np.zeros(len(mesh))
+    surface = evaluate_material(material, surface_points(mesh, instance, ray=Ray.CAMERA), Report()).surface
+    straight = surface.clear.mean(axis=-1, keepdims=True)
+    through = straight + (1 - straight) * surface.transmission * (surface.roughness <= SMOOTH)
+    return np.broadcast_to(mean_over_triangle(through)[..., 0], len(mesh))

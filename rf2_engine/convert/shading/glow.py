@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....model.scene import BASE_COLOR, RenderScene
-from .material import EMITTER_RADIANCE
+from .material_tiles import EMITTER_RADIANCE
 
 FAINT = 0.5      # share of the brightest light's radiance below which a surface only glows
 REFLECTS = 0.02  # base colour from which on

@@ -17,9 +17,11 @@ from ..data.copied import Instance
 from ..data.mesh import TriangleMesh
 from ..data.report import Report
 from . import graph
-from .material import MaterialTiles, bsdf_parameters
+from .material import evaluate_material
+from .material_tiles import MaterialTiles
 from .normal_map import UP, bent_normals
 from .points import surface_points
+from .tile_arrays import bsdf_parameters
 
 CHUNK = 1 << 13       # pixels evaluated at once
 MOST = 256            # materials in a picture that are evaluated; those that fill least of it are read from tiles
@@ -120,7 +122,7 @@ def _evaluated(group: _Group, on_mesh: np.ndarray, weights: np.ndarray, normal: 
         grid = np.concatenate([grid, grid + right], axis=2)
         grid = np.concatenate([grid, grid + below], axis=1)
     points = surface_points(group.mesh, group.instance, on_mesh, grid, first_alone=not bends, ray=Ray.CAMERA)
-    surface, _ = MaterialTiles(Report()).evaluate(group.material, points)
+    surface = evaluate_material(group.material, points, Report()).surface
     texel = np.empty((len(on_mesh), len(DEFAULT)), np.float32)
     for channels, values in bsdf_parameters(surface):
         texel[:, channels] = _first(values) if isinstance(channels, slice) else _first(values)[..., 0]

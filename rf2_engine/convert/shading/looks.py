@@ -12,7 +12,7 @@ from ..data.blocks import Material
 from ..data.copied import Instance
 from ..data.mesh import TriangleMesh
 from ..data.report import Report
-from .material import BESIDE, CLEAR, OPAQUE, MaterialTiles
+from .material_tiles import BESIDE, CLEAR, OPAQUE, MaterialTiles
 
 # What cameras or shadow rays alone meet is none to bounced light, and so to the network.
 WINDOW = constant_tile(base_color=(1, 1, 1), roughness=0, ior=1, transmission=1)

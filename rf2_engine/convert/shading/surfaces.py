@@ -12,7 +12,7 @@ from ..data.collected import Part
 from ..data.copied import Instance
 from .hit_materials import HitMaterials
 from .looks import Looks, find_looks
-from .material import MaterialTiles
+from .material_tiles import MaterialTiles
 
 # Arrays of a RenderScene that it does without where all triangles have this value.
 USUAL = {"hidden": 0, "light_group": 0} | {name: SELDOM[name] for name in (

@@ -6,7 +6,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model.scene import HEIGHT, NORMAL
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material import MaterialTiles
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material_tiles import MaterialTiles
 
 from tests.rf2_engine.convert.copies import copied
 from tests.rf2_engine.convert.cycles_reference import material, pictured

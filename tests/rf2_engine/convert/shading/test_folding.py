@@ -8,7 +8,7 @@ from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material, rendered, world
-from tests.rf2_engine.convert.shading.test_material import UV, tile_of
+from tests.rf2_engine.convert.shading.test_material_tiles import UV, tile_of
 
 
 @pytest.fixture(autouse=True)

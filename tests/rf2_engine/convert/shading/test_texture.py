@@ -8,7 +8,7 @@ from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR, NORMAL, ROUGHNESS
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.copied import Instance
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material import MaterialTiles
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material_tiles import MaterialTiles
 from mathutils import Euler, Matrix
 
 from tests.rf2_engine.convert.copies import copied

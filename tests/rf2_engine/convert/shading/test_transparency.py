@@ -6,11 +6,11 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model.scene import IOR, TRANSMISSION
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material import MaterialTiles
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material_tiles import MaterialTiles
 
 from tests.rf2_engine.convert.copies import copied
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material
-from tests.rf2_engine.convert.shading.test_material import tile_of
+from tests.rf2_engine.convert.shading.test_material_tiles import tile_of
 from tests.rf2_engine.convert.triangles import triangles
 
 

@@ -19,7 +19,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import R
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.functions import FUNCTIONS
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.layers import effective_ior
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.looks import find_looks
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material import MaterialTiles
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material_tiles import MaterialTiles
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.spectrum import blackbody_color
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.volume import has_surface, volume_coefficients
 
