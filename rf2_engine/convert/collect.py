@@ -67,7 +67,7 @@ class _Collection:
         """The volume that each volume material of a mesh fills."""
         filled = []
         for index, material in enumerate(surface.slots):
-            corners = mesh.corners[_slot(mesh, surface) == index] if shading.has_volume(material) else ()
+            corners = mesh.corners[surface.find_slots(mesh) == index] if shading.has_volume(material) else ()
             if len(corners):
                 filled.append(MeshVolume(name, corners, material, mesh.texture_space, self.report))
         return filled
@@ -87,7 +87,7 @@ class _Collection:
 
     def _split(self, surface: CopiedMesh, mesh: TriangleMesh, probed: tuple[tuple[bool, bool], ...],
                name: str) -> list[Part]:
-        slot = _slot(mesh, surface)
+        slot = surface.find_slots(mesh)
         shows = np.array([shading.has_surface(material) for material in surface.slots])
         emits, textured = np.array(probed).T
         parts = []
@@ -133,11 +133,6 @@ class _Collection:
         if key not in self._displaced:
             self._displaced[key] = displace(surface.mesh, surface.slots, instance, surface.is_diced, self.report)
         return self._displaced[key]
-
-
-def _slot(mesh: TriangleMesh, surface: CopiedMesh) -> np.ndarray:
-    """Material index of each triangle; Blender takes the last slot for an index beyond it."""
-    return np.clip(mesh.slot, 0, len(surface.slots) - 1)
 
 
 def _gain(surface: CopiedMesh) -> float:

@@ -58,7 +58,7 @@ class Sketch:
 
     def _places(self) -> list[tuple]:
         """Equal for the same surfaces at the same places."""
-        return [(id(_mesh(surface)), shows, instance.matrix.tobytes())
+        return [(id(surface.real_mesh), shows, instance.matrix.tobytes())
                 for (surface, instance), shows in zip(self._items, self._shows, strict=True)]
 
     def picture(self, origin: np.ndarray, rays: np.ndarray, transparent: bool) -> np.ndarray:
@@ -85,7 +85,7 @@ class Sketch:
 
     def _share(self) -> float:
         """Of the triangles that rays meet."""
-        return min(MOST / max(sum(len(_mesh(surface)) for surface, _ in self._items), 1), 1.0)
+        return min(MOST / max(sum(len(surface.real_mesh) for surface, _ in self._items), 1), 1.0)
 
     def _colors(self, triangle: np.ndarray, weights: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(P, 3) as if lit by the camera, and (P,) the share of light that goes straight through."""
@@ -102,8 +102,8 @@ class Sketch:
         for numbers in surfaces.values():
             surface, instance = self._items[numbers[0]]
             at = np.flatnonzero(np.isin(item, numbers))
-            mesh = _mesh(surface)
-            slot = _slot(mesh, surface)[row[at]]
+            mesh = surface.real_mesh
+            slot = surface.find_slots(mesh)[row[at]]
             for index in np.unique(slot):
                 progress.report()
                 own = at[slot == index]
@@ -116,20 +116,9 @@ class Sketch:
         normals = np.empty((len(row), 3), np.float32)
         for number in np.unique(item):
             own, (surface, instance) = item == number, self._items[number]
-            smooth = interpolated(share[own], _mesh(surface).normals[row[own]])
+            smooth = interpolated(share[own], surface.real_mesh.normals[row[own]])
             normals[own] = smooth @ np.linalg.pinv(instance.matrix[:3, :3])
         return facing(unit(normals), rays)
-
-
-def _mesh(surface: CopiedMesh) -> TriangleMesh:
-    """What rays meet: of hair and points not the few that stand for them."""
-    return surface.mesh if surface.real is None else surface.real
-
-
-def _slot(mesh: TriangleMesh, surface: CopiedMesh) -> np.ndarray:
-    if surface.strands_slot is not None:
-        return np.full(len(mesh), surface.strands_slot)
-    return mesh.slot.clip(0, len(surface.slots) - 1)
 
 
 def _shown(surface: CopiedMesh, shows: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray]:
@@ -137,8 +126,8 @@ def _shown(surface: CopiedMesh, shows: np.ndarray, share: float) -> tuple[np.nda
 
     shows: (k,) bool, slots that have a surface. share: of the rows that are wanted.
     """
-    mesh = _mesh(surface)
-    rows, growth = np.flatnonzero(shows[_slot(mesh, surface)]), None
+    mesh = surface.real_mesh
+    rows, growth = np.flatnonzero(shows[surface.find_slots(mesh)]), None
     if len(rows) * share > LEAST and share < 1:
         is_kept, growth = keep_sample(np.ones(len(rows)), len(rows) * share)
         rows, growth = rows[is_kept], growth[is_kept, None, None]

@@ -75,8 +75,7 @@ def read_attributes(mesh, names, loop: np.ndarray, vertex: np.ndarray, polygon: 
 
 def _at_vertices(mesh, values: np.ndarray) -> np.ndarray:
     """Mean over the edges of each vertex."""
-    ends = np.empty(2 * len(mesh.edges), np.int32)
-    mesh.edges.foreach_get("vertices", ends)
+    ends = read_values(mesh.edges, "vertices", (2,), np.int32).ravel()
     twice, count = np.repeat(values, 2, axis=0), np.bincount(ends, minlength=len(mesh.vertices))
     total = np.stack([np.bincount(ends, column, len(mesh.vertices)) for column in twice.T], axis=1)
     return total / np.maximum(count, 1)[:, None]
@@ -88,13 +87,13 @@ def _values(attribute) -> np.ndarray | None:
         return None
     name, channels = STORED[attribute.data_type]
     kind = {"INT": np.int32, "INT8": np.int32, "BOOLEAN": bool}.get(attribute.data_type, np.float32)
-    return _stored(attribute, name, channels, kind).reshape(-1, channels).astype(np.float32)
+    return read_values(attribute.data, name, (channels,), kind).astype(np.float32)
 
 
-def _stored(attribute, name: str, channels: int, kind) -> np.ndarray:
-    """(k * channels,)."""
-    values = np.empty(channels * len(attribute.data), kind)
-    attribute.data.foreach_get(name, values)
+def read_values(collection, name: str, shape: tuple[int, ...] = (), dtype=np.float32) -> np.ndarray:
+    """(k, *shape) a property of all items of a collection; reading them one by one takes many times as long."""
+    values = np.empty((len(collection), *shape), dtype)
+    collection.foreach_get(name, values.ravel())
     return values
 
 
@@ -107,11 +106,11 @@ class _Instances:
         cloud = geometry.instances_pointcloud()
         if cloud is None or (transform := cloud.attributes.get("instance_transform")) is None:
             return
-        self.matrices = _stored(transform, "value", 16, np.float32).reshape(-1, 4, 4).transpose(0, 2, 1)
+        self.matrices = read_values(transform.data, "value", (4, 4)).transpose(0, 2, 1)
         attributes = {name: _values(cloud.attributes[name]) for name in names if name in cloud.attributes}
         self.values = {name: values for name, values in attributes.items() if values is not None}
         count, ids = len(self.matrices), cloud.attributes.get("id")
-        numbers = range(count) if ids is None else _stored(ids, "value", 1, np.int32).tolist()
+        numbers = range(count) if ids is None else read_values(ids.data, "value", dtype=np.int32).tolist()
         self._indices = dict(zip(reversed(numbers), reversed(range(count)), strict=True))  # the first of those alike
         self._last = -1
 

@@ -9,7 +9,7 @@ import numpy as np
 from ....model import progress
 from ... import compat
 from ..data.mesh import TriangleMesh, corner_keys, face_normals, has_area, lengths, unit_or, within_reach
-from . import attributes
+from .attributes import read_attributes, read_values
 
 ROUNDING = 1e-6  # of the length of unit vectors
 
@@ -22,22 +22,20 @@ def read_mesh(mesh, name: str, report, requested=()) -> TriangleMesh:
     """
     progress.report()
     mesh.calc_loop_triangles()
-    count = len(mesh.loop_triangles)
-    loop = _read(mesh.loop_triangles, "loops", 3 * count, np.int32).reshape(count, 3)
+    loop = read_values(mesh.loop_triangles, "loops", (3,), np.int32)
     progress.report()
-    # Copied at once; reading triangles one by one takes many times as long.
-    polygon = _read(mesh.loop_triangle_polygons, "value", count, np.int32)
-    corner = _read(mesh.attributes[".corner_vert"].data, "value", len(mesh.loops), np.int32) if count else np.int32([])
+    polygon = read_values(mesh.loop_triangle_polygons, "value", dtype=np.int32)
+    corner = read_values(mesh.attributes[".corner_vert"].data, "value", dtype=np.int32) if len(loop) else np.int32([])
     vertex = corner[loop]
-    slot = np.zeros(count, np.int32)
+    slot = np.zeros(len(loop), np.int32)
     if "material_index" in mesh.attributes:
-        slot = _read(mesh.loop_triangles, "material_index", count, np.int32)
+        slot = read_values(mesh.loop_triangles, "material_index", dtype=np.int32)
     progress.report()
-    position = _read(mesh.vertices, "co", 3 * len(mesh.vertices)).reshape(-1, 3)
+    position = read_values(mesh.vertices, "co", (3,))
     normal = _normals(mesh, corner, loop, polygon)
-    uv = {layer.name: _read(layer.uv, "vector", 2 * len(mesh.loops)).reshape(-1, 2)[loop] for layer in mesh.uv_layers}
+    uv = {layer.name: read_values(layer.uv, "vector", (2,))[loop] for layer in mesh.uv_layers}
     active = next((layer.name for layer in mesh.uv_layers if layer.active_render), None)
-    named = attributes.read_attributes(mesh, requested, loop, vertex, polygon)
+    named = read_attributes(mesh, requested, loop, vertex, polygon)
     progress.report()
     space = np.float32([mesh.texspace_location, mesh.texspace_size])
     triangles = TriangleMesh(position[vertex], normal, uv, active, named, _render_color(mesh), slot, space)
@@ -50,20 +48,20 @@ def _normals(mesh, corner: np.ndarray, loop: np.ndarray, polygon: np.ndarray) ->
     corner: (loops,) vertices. Blender lets smooth shading end at flat faces; in Cycles of older versions it does so
     only where there are sharp edges or custom normals too.
     """
-    normal = _read(mesh.corner_normals, "vector", 3 * len(mesh.loops)).reshape(-1, 3)[loop]
+    normal = read_values(mesh.corner_normals, "vector", (3,))[loop]
     if not compat.smooths_past_flat_faces():
         return normal
     edges, faces = (_flags(mesh, name) for name in ("sharp_edge", "sharp_face"))
     if mesh.has_custom_normals or edges.any() or not faces.any() or faces.all():
         return normal
-    of_vertices = _read(mesh.vertex_normals, "vector", 3 * len(mesh.vertices)).reshape(-1, 3)
+    of_vertices = read_values(mesh.vertex_normals, "vector", (3,))
     return np.where(faces[polygon][:, None, None], normal, of_vertices[corner[loop]])
 
 
 def _flags(mesh, name: str) -> np.ndarray:
     """Values of a boolean attribute; none if the mesh has no such attribute."""
     attribute = mesh.attributes.get(name)
-    return np.zeros(0, bool) if attribute is None else _read(attribute.data, "value", len(attribute.data), bool)
+    return np.zeros(0, bool) if attribute is None else read_values(attribute.data, "value", dtype=bool)
 
 
 def material_slots(obj) -> list:
@@ -111,9 +109,3 @@ def _without_duplicates(corners: np.ndarray) -> np.ndarray:
 def _render_color(mesh) -> str | None:
     index, layers = mesh.color_attributes.render_color_index, mesh.color_attributes
     return layers[index].name if 0 <= index < len(layers) else None
-
-
-def _read(collection, attribute: str, size: int, dtype=np.float32) -> np.ndarray:
-    values = np.empty(size, dtype)
-    collection.foreach_get(attribute, values)
-    return values

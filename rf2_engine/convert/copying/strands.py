@@ -14,6 +14,7 @@ from ....model.geometry import quartered, unit
 from ..data import mesh as meshes
 from ..data.mesh import TriangleMesh
 from ..meshes.sampling import keep_sample
+from .attributes import read_values
 
 TOKENS = 1024     # triangles of one object that become tokens
 REAL = 1_000_000  # ... that rays meet
@@ -35,7 +36,7 @@ class Strands(NamedTuple):
 def read_curves(obj, report) -> Strands:
     """Strands along the `bpy.types.Curves` of an object."""
     curves = obj.data
-    position, first, size = _points(curves), *(_read(curves.curves, name, 1, np.int32)[:, 0]
+    position, first, size = _points(curves), *(read_values(curves.curves, name, dtype=np.int32)
                                                for name in ("first_point_index", "points_length"))
     radius = _radius(curves, 0.005)
     first, size = first[size > 1], size[size > 1]
@@ -154,16 +155,10 @@ def _mesh(corners: np.ndarray, normals: np.ndarray) -> TriangleMesh:
 def _points(data) -> np.ndarray:
     if (position := data.attributes.get("position")) is None:  # there are no points
         return np.zeros((0, 3), np.float32)
-    return _read(position.data, "vector", 3)
+    return read_values(position.data, "vector", (3,))
 
 
 def _radius(data, default: float) -> np.ndarray:
     if (radius := data.attributes.get("radius")) is None:
         return np.full((len(data.points), 1), default)
-    return _read(radius.data, "value", 1)
-
-
-def _read(collection, attribute: str, channels: int, dtype=np.float32) -> np.ndarray:
-    values = np.empty(channels * len(collection), dtype)
-    collection.foreach_get(attribute, values)
-    return values.reshape(-1, channels)
+    return read_values(radius.data, "value", (1,))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 TINIEST = 1e-30
+UNIT_CUBE = np.indices((2, 2, 2)).reshape(3, 8).T  # (8, 3) i64 corners, the last axis fastest
 
 
 def join(*parts) -> np.ndarray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ....model.scene import ALL_GROUPS
+from .arrays import UNIT_CUBE
 from .copied import Instance, LampInstance
 from .medium import Medium
 from .mesh import TriangleMesh
@@ -70,5 +71,5 @@ class CollectedScene:
 def _boxes(part: Part) -> list[np.ndarray]:
     """(8, 3) world corners of the bounding box of each instance."""
     low, high = part.mesh.bounds
-    corners = low + np.indices((2, 2, 2)).reshape(3, 8).T * (high - low).astype(np.float64)
+    corners = low + UNIT_CUBE * (high - low).astype(np.float64)
     return [corners @ matrix[:3, :3].T + matrix[:3, 3] for matrix in part.matrices]

@@ -9,6 +9,7 @@ import numpy as np
 
 from ....model.scene import ALL_GROUPS, ANY, BOUNCES
 from ....model.surface_kinds import Ray
+from .arrays import UNIT_CUBE
 from .blocks import Lamp, Material, World
 from .mesh import TriangleMesh
 
@@ -43,6 +44,17 @@ class CopiedMesh:
         """To the camera."""
         return not self.hidden & Ray.CAMERA
 
+    @property
+    def real_mesh(self) -> TriangleMesh:
+        """What rays meet."""
+        return self.mesh if self.real is None else self.real
+
+    def find_slots(self, mesh: TriangleMesh) -> np.ndarray:
+        """(n,) index in `slots` of each triangle of a mesh made of this one; as in Blender the last beyond the end."""
+        if self.strands_slot is not None:
+            return np.full(len(mesh), self.strands_slot)
+        return mesh.slot.clip(0, len(self.slots) - 1)
+
 
 @dataclass
 class Grid:
@@ -56,7 +68,7 @@ class Grid:
 
     def corners(self) -> np.ndarray:
         """(8, 3) corners, in indices of values."""
-        return np.indices((2, 2, 2)).reshape(3, 8).T * np.array(self.values.shape[:3])
+        return UNIT_CUBE * np.array(self.values.shape[:3])
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ....model.scene import CELLS
+from .arrays import UNIT_CUBE
 
 
 @dataclass
@@ -19,8 +20,8 @@ class Box:
     size: np.ndarray        # (3,) f64, world side lengths
 
     def corners(self) -> np.ndarray:
-        """(8, 3) world, the last axis fastest."""
-        local = (np.indices((2, 2, 2)).reshape(3, 8).T - 0.5) * self.size
+        """(8, 3) world, in the order of UNIT_CUBE."""
+        local = (UNIT_CUBE - 0.5) * self.size
         return local @ self.rotation.T + self.center
 
     def holds(self, point: np.ndarray) -> bool:

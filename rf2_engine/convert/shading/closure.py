@@ -13,6 +13,7 @@ import numpy as np
 from ....model.pictures import LUMINANCE
 from ....model.scene import tint_of_glass
 from ....model.surface_kinds import TRANSPARENT
+from ..data.arrays import join
 from .normal_map import UP
 
 IOR_RANGE = (1.0, 2.5)  # the mappers' training range
@@ -111,9 +112,8 @@ def with_sheen(closure: Closure, color, roughness) -> Closure:
 
 
 def joined(*values: np.ndarray) -> np.ndarray:
-    """Values (..., n), constant or not, one after the other along the last axis."""
-    shape = np.broadcast_shapes(*(x.shape[:-1] for x in values))
-    return np.concatenate([np.broadcast_to(x, (*shape, x.shape[-1])) for x in values], axis=-1).astype(np.float32)
+    """Values (..., n), constant or not, side by side as f32."""
+    return join(*values).astype(np.float32)
 
 
 def window(color) -> Closure:
