@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import passes, settings
+from . import frame_settings, passes
 from .frame import reference, render
 from .registering import classes
 from .runtime.running import ENGINE
@@ -24,7 +24,7 @@ class RenderFormerEngine(bpy.types.RenderEngine):
         super().__init__(*args, **kwargs)
 
     def update_render_passes(self, scene, view_layer):
-        passes.register(self, scene, view_layer, settings.light_passes(scene))
+        passes.register(self, scene, view_layer, frame_settings.light_passes(scene))
         reference.register_passes(self, scene, view_layer)
 
     def render(self, depsgraph):

@@ -177,6 +177,12 @@ def register(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer:
         engine.register_pass(scene, view_layer, p.blender_name, len(p.channels), p.channels, p.kind)
 
 
+def update_sockets(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """For properties of a scene on which its passes depend: the Render Layers node shows those of the next render."""
+    for view_layer in settings.id_data.view_layers:
+        view_layer.update_render_passes()
+
+
 def write(engine: bpy.types.RenderEngine, layer: str, passes: dict[str, np.ndarray], view: str = "") -> None:
     """Hand {pass_key(name): (H, W, C), row 0 on top} of one view layer to Blender; view "": of all views."""
     result = engine.begin_result(0, 0, engine.resolution_x, engine.resolution_y, layer=layer, view=view)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
+from .passes import update_sockets
 from .registering import classes
 
 # As the training pictures of the published weights were rendered (docs/scene-input.md 10).
@@ -18,16 +19,10 @@ PAPER = {"max_bounces": 12, "diffuse_bounces": 4, "glossy_bounces": 4, "transmis
 BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces", "volume_bounces")
 
 
-def _update_sockets(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    """The Render Layers node shows the passes of the next render."""
-    for view_layer in settings.id_data.view_layers:
-        view_layer.update_render_passes()
-
-
 class ReferenceSettings(bpy.types.PropertyGroup):
     # What decides about passes cannot be keyframed: sockets and files have the same in every frame.
     use: BoolProperty(
-        name="Cycles Reference", options=set(), update=_update_sockets,
+        name="Cycles Reference", options=set(), update=update_sockets,
         description="After each picture, Cycles renders the same view layer into the pass Cycles Reference. Our "
                     "picture is on screen first, and stays if the reference is stopped with Esc",
     )
@@ -56,7 +51,7 @@ class ReferenceSettings(bpy.types.PropertyGroup):
     use_caustics: BoolProperty(name="Caustics", default=True,
                                description="Light that mirrors and glass throw on other surfaces")
     use_light_passes: BoolProperty(
-        name="Light Passes", options=set(), update=_update_sockets,
+        name="Light Passes", options=set(), update=update_sockets,
         description="Also keep Cycles' light passes: Cycles Diffuse Direct and so on, not denoised",
     )
 

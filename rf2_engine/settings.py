@@ -3,94 +3,50 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
-from enum import Enum, auto
-from pathlib import Path
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..model.errors import CheckpointError
-from ..model.published.bundle_files import AUTOMATIC, LARGE, SMALL, is_bundle
-from ..model.weights.presets import BUNDLED, weights_folder
-from . import passes
-from .convert.data.copied import ConversionOptions
-from .reference_settings import FrameReference, ReferenceSettings
+from ..model.published.bundle_files import AUTOMATIC, LARGE, SMALL
+from ..model.weights.presets import BUNDLED
+from .passes import update_sockets
+from .reference_settings import ReferenceSettings
 from .registering import classes, pairs, pointer
-from .render_size import frame_size
-from .sampling import Sampling, automatic_samples
-from .setup import packages, published_weights
+from .setup import published_weights
+from .setup.display import redraw_areas
 
 
-def _passes_change(settings: RenderFormerSettings, context: bpy.types.Context) -> None:
-    """Sockets of the compositor follow what the weights and the light can give."""
-    for view_layer in settings.id_data.view_layers:
-        view_layer.update_render_passes()
-
-
-def _show_change(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+def _redraw_viewports(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
     """Viewports follow scripts, too: without a function here Blender does not even tag the scene."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
-
-
-class Light(Enum):
-    """What Cycles computes besides first hits."""
-
-    NONE = auto()
-    TRACED = auto()  # no diffuse and no volume bounce, denoised
-    ALL = auto()     # the scene's own bounces
-
-
-class Network(Enum):
-    """The two kinds of networks, and what a render does for each."""
-
-    GUIDED = auto()     # the bundled one, and others of this project's format: first hits and estimated light go in
-    PUBLISHED = auto()  # the paper's: the scene alone goes in
-
-    @property
-    def has_lobes(self) -> bool:
-        """Whether it gives the light of each lobe, for light passes and smooth edges."""
-        return self is Network.GUIDED
-
-    @property
-    def encodes_textures(self) -> bool:
-        """Whether an image encoder runs over the textures of all triangles before stage 1."""
-        return self is Network.PUBLISHED
-
-    @property
-    def depends_on_size(self) -> bool:
-        """Whether the size of the whole picture decides which of its transformers renders it."""
-        return self is Network.PUBLISHED
+    redraw_areas("VIEW_3D")
 
 
 class RenderFormerViewportSettings(bpy.types.PropertyGroup):
     """Rendered viewports: `scene.renderformer_v2.viewport`."""
 
     token_budget: IntProperty(
-        name="Max Triangles", update=_show_change, default=2048, min=256, soft_max=16384, max=1 << 20,
+        name="Max Triangles", update=_redraw_viewports, default=2048, min=256, soft_max=16384, max=1 << 20,
         step=256,
         description="Maximum triangles sent to the network for Rendered viewports. Fewer triangles react faster to "
                     "changes",
     )
     resolution: EnumProperty(
-        name="Resolution", update=_show_change, default="1",
+        name="Resolution", update=_redraw_viewports, default="1",
         description="The finest picture of a viewport. Pictures of 1/8, 1/4 and 1/2 of its pixels along each side "
                     "come first",
         items=(("1", "Full", "All pixels of the viewport", 0), ("2", "1/2", "Half as many along each side", 1),
                ("4", "1/4", "A quarter along each side", 2), ("8", "1/8", "An eighth along each side", 3)),
     )
     time_limit: FloatProperty(
-        name="Time Limit", update=_show_change, default=10.0, min=0.0, soft_max=60.0, subtype="TIME_ABSOLUTE",
+        name="Time Limit", update=_redraw_viewports, default=10.0, min=0.0, soft_max=60.0, subtype="TIME_ABSOLUTE",
         description="Leave out finer pictures that are expected to take longer than this, in seconds. 0 sets no limit",
     )
 
 
 class RenderFormerSettings(bpy.types.PropertyGroup):
     weights_source: EnumProperty(
-        name="Weights", update=_passes_change,
+        name="Weights", update=update_sockets,
         items=(
             ("BUNDLED", "Bundled (small)", "The small network that comes with the add-on and works offline", 0),
             ("FOLDER", "Folder", "A folder with weights on this computer", 1),
@@ -99,11 +55,11 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         ),
     )
     weights_folder: StringProperty(
-        name="Folder", update=_passes_change, subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+        name="Folder", update=update_sockets, subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         description="Folder that holds the weights, for example renderformer-v2",
     )
     transformer: EnumProperty(
-        name="Network Resolution", update=_show_change,
+        name="Network Resolution", update=_redraw_viewports,
         description="The size of the pictures that the published network was trained with. Both networks know scenes "
                     "of up to 65536 triangles: raise Max Triangles as far as memory and time allow",
         items=(
@@ -114,7 +70,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         ),
     )
     device: EnumProperty(
-        name="Device", update=_show_change,
+        name="Device", update=_redraw_viewports,
         items=(
             ("auto", "Automatic", "Use CUDA, Metal or the CPU: the first one that is available", 0),
             ("cpu", "CPU", "The processor", 1),
@@ -123,11 +79,11 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         ),
     )
     card: IntProperty(
-        name="GPU", update=_show_change, default=0, min=0, soft_max=8, max=64,
+        name="GPU", update=_redraw_viewports, default=0, min=0, soft_max=8, max=64,
         description="Which of several GPUs, counted from 1. 0 is the one with the most memory",
     )
     precision: EnumProperty(
-        name="Precision", update=_show_change,
+        name="Precision", update=_redraw_viewports,
         items=(
             ("auto", "Automatic", "Half precision if the hardware supports it", 0),
             ("fp32", "Float32", "Slowest and most exact", 1),
@@ -141,19 +97,19 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
                     "More triangles give finer textures in bounced light, but take more time and memory",
     )
     max_edge: FloatProperty(
-        name="Largest Triangle", update=_show_change, default=0.2, min=0.005, max=1.0, precision=3,
+        name="Largest Triangle", update=_redraw_viewports, default=0.2, min=0.005, max=1.0, precision=3,
         description="Divide triangles with longer edges, up to Max Triangles, so that light can vary across "
                     "large surfaces. As a fraction of the scene's longest side",
     )
     as_is: BoolProperty(
-        name="Use Scene Units Unscaled", update=_show_change,
+        name="Use Scene Units Unscaled", update=_redraw_viewports,
         description="Give the scene to the network as it is: 1 m is one unit of the network, around the world's "
                     "origin, and light is as bright as it is. For scenes of the paper, and others that were made for "
                     "the published weights: about 1 m wide, with small lamps of radiance 300 to 5000. Otherwise what "
                     "the camera sees is scaled to that size, and the light to that brightness",
     )
     paper_lamps: BoolProperty(
-        name="Lamps as in the Paper", update=_show_change,
+        name="Lamps as in the Paper", update=_redraw_viewports,
         description="Published weights only: each lamp becomes one small triangle that faces the scene from 2.1 to 2.7 "
                     "times its size away, as in the scenes that they were trained with, and brings it as much light. "
                     "Lamps inside the scene stay where they are. Shadows are those of the new place",
@@ -198,7 +154,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
                     "number is used",
     )
     light: EnumProperty(
-        name="Light", update=_passes_change,
+        name="Light", update=update_sockets,
         items=(
             ("TRACED", "With Cycles", "Cycles traces direct light and what smooth mirrors and glass show, with the "
                                       "samples below. The network knows an estimate of all light, too, and decides "
@@ -219,13 +175,13 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
                     "values",
     )
     threads_mode: EnumProperty(
-        name="Threads Mode", update=_show_change,
+        name="Threads Mode", update=_redraw_viewports,
         items=(
             ("AUTO", "Automatic", "Use Blender's own setting, by default one thread per core", 0),
             ("FIXED", "Fixed", "Use the number of threads below, to leave cores to other programs", 1),
         ),
     )
-    threads: IntProperty(name="Threads", default=1, min=1, max=1024, update=_show_change,
+    threads: IntProperty(name="Threads", default=1, min=1, max=1024, update=_redraw_viewports,
                          description="Number of processor threads for Cycles and the network")
     reference: PointerProperty(type=ReferenceSettings)
     viewport: PointerProperty(type=RenderFormerViewportSettings)
@@ -254,123 +210,6 @@ class RenderFormerLayerSettings(bpy.types.PropertyGroup):
         name="Max Samples", default=0, min=0, soft_max=128, max=1024,
         description="Max Samples for this view layer. 0 uses that in Render Properties",
     )
-
-
-@dataclass(frozen=True)
-class FrameSettings:
-    """What was chosen for one frame, keyframes included; it outlives the evaluated scene that it was read from."""
-
-    weights: str
-    network: Network
-    transformer: str  # of published weights: one of bundle_files.TRANSFORMERS, or AUTOMATIC
-    device: str
-    precision: str
-    token_budget: int
-    max_edge: float
-    as_is: bool
-    paper_lamps: bool
-    sampling: Sampling
-    bake_unknown: bool
-    light: Light
-    rays: bool  # whether light is estimated by rays before the network sees it
-    light_passes: frozenset[str]  # keys of those that the weights can give
-    threads: int  # 0: all
-    film_transparent: bool
-    exposure: float
-    reference: FrameReference | None
-
-    @property
-    def conversion(self) -> ConversionOptions:
-        return ConversionOptions(self.token_budget, self.max_edge, self.as_is, self.paper_lamps,
-                                 self.network is Network.PUBLISHED)
-
-    @property
-    def follows_specular_paths(self) -> bool:
-        """Whether the network reads what mirrors and glass show."""
-        return self.network is Network.GUIDED and self.rays
-
-    @property
-    def has_tokens(self) -> bool:
-        """Whether the network reads the scene's triangles as tokens; where rays meet them, it does without."""
-        return not self.follows_specular_paths
-
-    @property
-    def renderer(self) -> tuple:
-        """What model_cache.renderer takes."""
-        return self.weights, self.device, self.precision, self.transformer, self.rays
-
-    @property
-    def setup(self) -> str:
-        """What the costs of a render belong to (costs.py)."""
-        return " ".join([Path(self.weights).name, self.device, self.precision, f"{self.threads or 'all'} threads",
-                         self.light.name.lower() if self.rays else "no rays"])
-
-    @classmethod
-    def read(cls, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None = None) -> FrameSettings:
-        """Read from an evaluated scene and the view layer that is rendered, which may have its own samples.
-
-        Raises SceneError when the Cycles add-on is switched off, CheckpointError as RenderFormerSettings.weights does.
-        """
-        packages.require_cycles()
-        ours, blenders = scene.renderformer_v2, scene.render
-        weights = ours.weights()
-        network = _network(weights)
-        return cls(weights, network, ours.transformer, ours.chosen_device(), ours.precision, ours.token_budget,
-                   ours.max_edge, ours.as_is, ours.paper_lamps and network is Network.PUBLISHED,
-                   read_sampling(scene, view_layer), ours.bake_unknown, _light(ours.light, network),
-                   ours.light != "TRANSFORMER", light_passes(scene), threads(scene), blenders.film_transparent,
-                   scene.cycles.film_exposure, FrameReference.read(scene))
-
-
-def read_sampling(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None) -> Sampling:
-    """The view layer's own number of samples or the scene's, or what suits the size of the whole picture."""
-    ours, of_layer = scene.renderformer_v2, view_layer.renderformer_v2.samples if view_layer else 0
-    return Sampling(of_layer or ours.guide_samples or automatic_samples(*frame_size(scene.render)),
-                    ours.adaptive_threshold if ours.use_adaptive_sampling else 0.0, ours.adaptive_min_samples)
-
-
-def threads(scene: bpy.types.Scene) -> int:
-    """How many threads render it, 0 for all: our own setting, else Blender's, or what `blender -t` says."""
-    ours, blenders = scene.renderformer_v2, scene.render
-    holder = ours if ours.threads_mode == "FIXED" else blenders
-    return holder.threads if holder.threads_mode == "FIXED" else 0
-
-
-def light_passes(scene: bpy.types.Scene) -> frozenset[str]:
-    """Keys of the passes OF_LIGHT that the chosen weights can give; shadow catchers need traced light."""
-    try:
-        network = _network(scene.renderformer_v2.weights())
-    except CheckpointError:
-        return frozenset()  # published weights that are not complete, or none at all
-    if not network.has_lobes:
-        return frozenset()
-    is_traced = scene.renderformer_v2.light == "TRACED"
-    return passes.LIGHTING | {passes.SHADOW_CATCHER.key} if is_traced else passes.LIGHTING
-
-
-def is_published(settings: RenderFormerSettings) -> bool:
-    """Whether the published network is chosen, complete or not."""
-    if settings.weights_source == "PUBLISHED":
-        return True
-    has_folder = settings.weights_source == "FOLDER" and bool(settings.weights_folder)
-    return has_folder and _network(settings.weights()) is Network.PUBLISHED
-
-
-def traces_light(settings: RenderFormerSettings) -> bool:
-    """Whether Cycles traces direct light."""
-    return settings.light == "TRACED" and not is_published(settings)
-
-
-def _light(choice: str, network: Network) -> Light:
-    """The published network draws its picture alone, whatever was chosen."""
-    return Light.TRACED if choice == "TRACED" and network is Network.GUIDED else Light.NONE
-
-
-def _network(weights: str) -> Network:
-    try:
-        return Network.PUBLISHED if is_bundle(weights_folder(weights)) else Network.GUIDED
-    except OSError:
-        return Network.GUIDED  # the loader will explain it
 
 
 register, unregister = pairs(

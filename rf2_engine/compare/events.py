@@ -10,6 +10,7 @@ from ..progress import last_render
 from ..registering import handlers
 from ..runtime.running import ENGINE
 from ..setup import packages
+from ..setup.display import redraw_areas
 from . import fitting
 from .state import comparison
 
@@ -79,10 +80,7 @@ def renders_reference(scene: bpy.types.Scene) -> bool:
 
 
 def redraw() -> None:
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "IMAGE_EDITOR":
-                area.tag_redraw()
+    redraw_areas("IMAGE_EDITOR")
 
 
 def _read() -> float | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import bpy
 
-from .. import exr, settings
+from .. import exr, frame_settings
 from .. import passes as pass_table
 
 COMPOSITE = "Composite"  # the layer that the compositor writes
@@ -60,7 +60,7 @@ def _at(names: list[str], number: int) -> str:
 
 def _announced(file: exr.Multilayer, view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> list[str]:
     if "RenderFormer-V2 seconds" in file.metadata:
-        enabled = pass_table.ticked_passes(view_layer, settings.light_passes(scene), scene)
+        enabled = pass_table.ticked_passes(view_layer, frame_settings.light_passes(scene), scene)
         return [p.blender_name for p in (*enabled, *pass_table.REFERENCE)]
     try:
         from cycles.engine import list_render_passes

@@ -11,7 +11,7 @@ import bpy
 
 from .. import passes as pass_table
 from ..convert.data.report import Report
-from ..settings import Light
+from ..frame_settings import Light
 from ..setup import packages
 from .run import Passes, overrides, run
 from .session_options import SessionOptions

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from .. import compat
 from .. import passes as pass_table
+from ..frame_settings import Light
 from ..sampling import Sampling
-from ..settings import Light
 
 
 class Catchers(Enum):

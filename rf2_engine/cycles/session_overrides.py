@@ -8,7 +8,7 @@ import bpy
 
 from .. import compat
 from ..convert.copying.visibility import catching_hosts, shadow_catchers
-from ..settings import Light
+from ..frame_settings import Light
 from .session_options import CameraModel, Catchers, SessionOptions
 
 ALWAYS = {

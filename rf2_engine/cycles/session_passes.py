@@ -9,7 +9,7 @@ from ...model.pictures import HALF_MAX, box_sums
 from .. import passes as pass_table
 from ..convert.data.report import Report
 from ..convert.shading.closure import BRIGHTEST
-from ..settings import Light
+from ..frame_settings import Light
 from .run import Passes
 from .session_options import SessionOptions
 

@@ -10,8 +10,8 @@ from ...model.scene import RenderScene
 from ...model.weights import presets
 from ...model.weights.files import described
 from ..convert.data.report import Report
+from ..frame_settings import FrameSettings, Network
 from ..runtime import model_cache
-from ..settings import FrameSettings, Network
 from ..setup import importing, wheels
 
 PUBLISHED_PARAMETERS = 208_000_000  # without the image encoder

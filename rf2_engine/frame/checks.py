@@ -10,8 +10,8 @@ from ...model.weights.presets import weights_folder
 from .. import compat, passes
 from ..convert.camera.eyes import has_spherical_stereo, no_spherical_stereo
 from ..convert.data.report import Report
+from ..frame_settings import FrameSettings, Light
 from ..runtime import device
-from ..settings import FrameSettings, Light
 
 LONGEST_NAME = 63  # bytes of view layer, pass and channel together, of every engine, in a multilayer file
 USUAL_BOUNCES = 4  # diffuse bounces that Cycles traces by default

@@ -24,10 +24,10 @@ from ..cycles import growing
 from ..cycles import session as cycles_session
 from ..cycles.run import Passes
 from ..cycles.session_options import PINHOLE, CameraModel, Catchers, SessionOptions
+from ..frame_settings import Light
 from ..passes import SHADOW_CATCHER
 from ..progress.stages import ALPHA, CATCHERS, FIRST_HITS, SAMPLE_HITS
 from ..sampling import Sampling
-from ..settings import Light
 from . import output
 from .layer import Layer
 from .optics import Optics

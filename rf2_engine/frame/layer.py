@@ -19,10 +19,10 @@ from ..convert.fitting.framing import Framing
 from ..convert.scene import convert, find_framing
 from ..cycles.bake import Baker
 from ..cycles.world import CyclesWorld
+from ..frame_settings import FrameSettings
 from ..progress.plan import Plan
 from ..progress.status import Status
 from ..render_size import Border, render_border
-from ..settings import FrameSettings
 from . import checks, shutter
 from .optics import Optics
 from .shot import Shot

@@ -9,8 +9,8 @@ import bpy
 from ..convert.copying.visibility import has_holdouts, shadow_catchers
 from ..convert.data.report import Report
 from ..cycles.session_options import CameraModel
+from ..frame_settings import Light
 from ..sampling import Sampling
-from ..settings import Light
 from . import shutter
 
 

@@ -21,12 +21,12 @@ from ..convert.data.report import SOME, Remark, Report, grouped
 from ..convert.scene import convert
 from ..cycles.bake import Promise
 from ..cycles.world import ExpectedWorld, is_possible
+from ..frame_settings import FrameSettings, Network
 from ..progress import costs, memory
 from ..progress.stages import CONVERT, ENCODE, TEXTURES, Work
 from ..registering import handlers
 from ..render_size import frame_size, render_border
 from ..runtime import failure, model_cache
-from ..settings import FrameSettings, Network
 from ..setup import packages
 from . import card, checks
 from .optics import Optics

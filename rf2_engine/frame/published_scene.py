@@ -9,7 +9,7 @@ from ...model.published.as_trained import TRIANGLES, WELL_KNOWN, as_trained, des
 from ...model.published.bundle_files import bundle_and_transformer, choose_transformer
 from ...model.scene import RenderScene, View
 from ..convert.data.report import Report
-from ..settings import FrameSettings, Network
+from ..frame_settings import FrameSettings, Network
 
 NAME = "Published Weights"
 FULL = 0.9  # of Max Triangles, from which on there may be too few

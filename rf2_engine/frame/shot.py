@@ -18,8 +18,8 @@ from bpy.app.handlers import persistent
 
 from ...model import progress
 from ..convert.fitting.framing import Framing
+from ..frame_settings import FrameSettings
 from ..registering import handlers
-from ..settings import FrameSettings
 
 BLOCK = 32          # frames that are fitted alike once the camera has left the place where the shot began
 LARGEST_ZOOM = 2.0  # ratio of the sizes of a frame's own box and the one in use, either way

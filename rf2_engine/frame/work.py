@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import bpy
 
+from ..frame_settings import FrameSettings, Light
 from ..progress import stages
 from ..progress.stages import Stage, Work
 from ..render_size import Border
 from ..runtime import model_cache
-from ..settings import FrameSettings, Light
 from .optics import Optics
 
 

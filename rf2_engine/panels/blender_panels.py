@@ -13,8 +13,8 @@ import bpy
 from bl_ui import properties_render
 
 from ..engine import RenderFormerEngine
+from ..frame_settings import traces_light
 from ..registering import classes
-from ..settings import traces_light
 from .camera import draw_lens_samples
 from .panel import EnginePanel
 

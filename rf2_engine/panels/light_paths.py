@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Render Properties > Light Paths: those of Cycles' settings that act on a picture, most of them on traced light."""
-from ..settings import traces_light
+from ..frame_settings import traces_light
 from ..setup.display import draw_text
 from .panel import EnginePanel
 

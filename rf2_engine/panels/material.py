@@ -13,10 +13,10 @@ from bpy_extras.io_utils import ImportHelper
 from ...model import progress
 from ...model.errors import CheckpointError, RenderCancelled, SceneError
 from ...model.material.measured import SUFFIXES, grey_light
+from ..frame_settings import is_published
 from ..material_settings import read_latent, set_latent
 from ..picture_files import read_pixels, studio_light_file
 from ..registering import classes
-from ..settings import is_published
 from ..setup import importing, published_weights
 from ..setup.display import INTERVAL, draw_text
 from ..setup.packages import MissingPackages

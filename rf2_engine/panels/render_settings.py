@@ -7,10 +7,10 @@ from pathlib import Path
 from ...model.errors import CheckpointError
 from ...model.published.bundle_files import check_weights
 from ..frame.optics import Optics
+from ..frame_settings import is_published, read_sampling, traces_light
 from ..preferences import package_panel
 from ..registering import classes
 from ..runtime import device, model_cache
-from ..settings import is_published, read_sampling, traces_light
 from ..setup import packages, published_weights
 from ..setup.display import draw_text
 from . import light_paths

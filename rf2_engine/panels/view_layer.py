@@ -10,8 +10,8 @@ from bl_ui.properties_view_layer import (
 )
 
 from .. import passes
+from ..frame_settings import light_passes
 from ..registering import classes
-from ..settings import light_passes
 from ..setup.display import draw_text
 from .panel import EnginePanel
 

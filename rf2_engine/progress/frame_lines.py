@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import bpy
 from bpy.app.handlers import persistent
 
+from ..frame_settings import threads
 from ..registering import handlers
 from ..runtime.running import ENGINE
-from ..settings import threads
 from . import last_render, memory
 
 VARIABLE = "RENDERFORMER_V2_FRAMES"

@@ -75,11 +75,17 @@ def free_space(folder: Path) -> int:
     return shutil.disk_usage(folder).free
 
 
-def redraw() -> float | None:
+def redraw_areas(*kinds: str) -> None:
+    """Have all editors of these types drawn again, in all windows."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
-            if area.type in ("PREFERENCES", "PROPERTIES"):
+            if area.type in kinds:
                 area.tag_redraw()
+
+
+def redraw() -> float | None:
+    """A timer."""
+    redraw_areas("PREFERENCES", "PROPERTIES")
     if package_install.current.is_running or weights_download.current.is_running:
         return INTERVAL
     packages.refresh()

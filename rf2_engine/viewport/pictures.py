@@ -22,9 +22,9 @@ from ..convert.shading.hit_materials import HitMaterials
 from ..frame import output
 from ..frame.lit_alone import LitAlone
 from ..frame.shot import has_left
+from ..frame_settings import FrameSettings
 from ..runtime import model_cache
 from ..sampling import Sampling
-from ..settings import FrameSettings
 from .source import State
 
 COARSE = 4  # divisor from which on pictures are made quickly

@@ -8,8 +8,8 @@ import pytest
 import cycles.engine as cycles_engine
 from bl_ext.user_default.renderformer_v2.model.published.bundle_files import TRANSFORMERS
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame_settings import light_passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.panels import view_layer
-from bl_ext.user_default.renderformer_v2.rf2_engine.settings import light_passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import packages
 
 from tests.model.published.bundles import tiny_published_config, write_bundle

@@ -9,8 +9,8 @@ import pytest
 from bl_ext.user_default.renderformer_v2.model.weights import presets
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import session as cycles_session
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import preflight, render
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame_settings import FrameSettings
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
-from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
 
 from tests.rf2_engine.f12 import cube, press_f12
 

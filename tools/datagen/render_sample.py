@@ -22,9 +22,9 @@ from renderformer_v2.rf2_engine.cycles import session as cycles_session  # noqa:
 from renderformer_v2.rf2_engine.cycles.session_options import CameraModel, SessionOptions  # noqa: E402
 from renderformer_v2.rf2_engine.cycles.world import CyclesWorld  # noqa: E402
 from renderformer_v2.rf2_engine.frame.first_hits import make_guides  # noqa: E402
+from renderformer_v2.rf2_engine.frame_settings import Light  # noqa: E402
 from renderformer_v2.rf2_engine.progress.status import Status  # noqa: E402
 from renderformer_v2.rf2_engine.sampling import Sampling  # noqa: E402
-from renderformer_v2.rf2_engine.settings import Light  # noqa: E402
 
 from .sample_files import SampleCounts  # noqa: E402
 from .scenes.cameras import Setup  # noqa: E402

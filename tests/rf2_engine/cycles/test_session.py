@@ -13,9 +13,9 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import run as cycles_
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import session_overrides
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_hits as first_hits
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame.first_hits import make_guides
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame_settings import FrameSettings, Light
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.cycles_text import EngineText
-from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings, Light
 
 from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12
 

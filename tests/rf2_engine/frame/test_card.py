@@ -16,9 +16,9 @@ from bl_ext.user_default.renderformer_v2.model.network.renderformer import KEYS_
 from bl_ext.user_default.renderformer_v2.model.published.image_encoder import OneFrameEncoder, vae_class
 from bl_ext.user_default.renderformer_v2.model.weights.presets import rf2_200m
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import card, preflight
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame_settings import FrameSettings, Network
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import frame_lines, last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import model_cache
-from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings, Network
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
 
 from tests.described_cards import describe

@@ -8,7 +8,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import R
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import checks, reference
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame.checks import report_ignored_settings
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame.render import summarize_lost
-from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings, light_passes
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame_settings import FrameSettings, light_passes
 
 from tests.rf2_engine.f12 import cube, sun
 

@@ -8,8 +8,8 @@ from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.framing import Framing
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import shot
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame_settings import FrameSettings
 from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import model_cache
-from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
 
 from tests.rf2_engine.f12 import cube, mesh_object, sun
 

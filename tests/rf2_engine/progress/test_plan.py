@@ -5,10 +5,10 @@ import pytest
 from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import optics, work
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame_settings import FrameSettings
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import costs, estimate, stages
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.plan import Plan
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.stages import ENCODE, FIRST_HITS, LOAD, SAMPLE_HITS, Work
-from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
 
 WORK = {LOAD: Work(1), FIRST_HITS: Work(100), SAMPLE_HITS: Work(10, 4), ENCODE: Work(4096)}
 
