@@ -12,7 +12,7 @@ from ...model import progress
 from ...model.scene import RenderScene, View
 from .. import passes as pass_table
 from ..convert.camera.camera import convert_camera
-from ..convert.camera.eyes import Eye, count_views, eyes, view_names
+from ..convert.camera.eyes import Eye, eyes, view_names
 from ..convert.copying.cache import CopyCache
 from ..convert.data.report import Report
 from ..convert.fitting.framing import Framing
@@ -26,7 +26,7 @@ from ..render_size import Border, render_border
 from . import checks, shutter
 from .optics import Optics
 from .shot import Shot
-from .work import count_layers, stage_work
+from .work import Pictures, count_layers, stage_work
 
 
 @dataclass(frozen=True)
@@ -51,16 +51,15 @@ class Layer:
         """Raises SceneError and CheckpointError for what cannot be rendered."""
         scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
         settings = FrameSettings.read(scene, layer)
-        with_lobes = pass_table.is_light_requested(layer, settings.light_passes)
-        groups = pass_table.light_groups(layer, settings.light_passes)
         checks.check(depsgraph, settings, report)
         optics = optics.possible(settings.light, depsgraph, report)
         width, height = engine.resolution_x, engine.resolution_y
-        border = render_border(width, height, scene.render)
         status.views = view_names(engine)
-        plan = Plan(stage_work(width, height, border, settings, optics, with_lobes, count_views(scene), len(groups)),
-                    settings.setup, count_layers(scene))
-        return cls(engine, depsgraph, layer.name, settings, optics, border, with_lobes, groups, plan, status, report)
+        pictures = Pictures.read(depsgraph, settings, width, height)
+        plan = Plan(stage_work(pictures, settings, optics), settings.setup, count_layers(scene))
+        groups = pass_table.light_groups(layer, settings.light_passes)
+        return cls(engine, depsgraph, layer.name, settings, optics, render_border(width, height, scene.render),
+                   pictures.with_lobes, groups, plan, status, report)
 
     def eyes(self) -> list[Eye]:
         """The eyes at the moment that is evaluated."""

@@ -31,7 +31,7 @@ from ..setup import packages
 from . import card, checks
 from .optics import Optics
 from .published_scene import network_input
-from .work import count_layers, stage_work
+from .work import Pictures, count_layers, stage_work
 
 LONGEST = 10.0  # seconds
 
@@ -128,40 +128,42 @@ def _inspect(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: 
     scene = depsgraph.scene_eval
     packages.require()
     packages.require_cycles()
-    settings, blenders = FrameSettings.read(scene, depsgraph.view_layer_eval), scene.render
+    settings = FrameSettings.read(scene, depsgraph.view_layer_eval)
     checks.check(depsgraph, settings, report)
     optics = Optics.read(depsgraph).possible(settings.light, depsgraph, report)
-    width, height = frame_size(blenders)
-    border = render_border(width, height, blenders)
-    view = convert_camera(depsgraph, width, height, border, report)
+    width, height = frame_size(scene.render)
+    view = convert_camera(depsgraph, width, height, render_border(width, height, scene.render), report)
     converted = convert(depsgraph, convert_camera(depsgraph, width, height, None), settings.conversion, report,
-                        cycles_world=ExpectedWorld() if is_possible(depsgraph.scene_eval) else None,
+                        cycles_world=ExpectedWorld() if is_possible(scene) else None,
                         baker=Promise() if settings.bake_unknown else None)
     _report_differences(depsgraph, report)
-    converting, count, loaded = time.perf_counter() - begin, count_layers(scene), model_cache.is_loaded()
-    with_lobes = pass_table.is_light_requested(depsgraph.view_layer_eval, settings.light_passes)
-    views, groups = count_views(scene), len(pass_table.light_groups(depsgraph.view_layer_eval, settings.light_passes))
-    remaining = stage_work(width, height, border, settings, optics, with_lobes, views, groups) | {
-        CONVERT: Work(1, optics.scenes - 1), ENCODE: Work(len(converted), optics.shutter_samples),
-        TEXTURES: Work(len(converted), optics.shutter_samples * settings.network.encodes_textures)}
-    seconds = costs.measured_seconds(remaining, settings.setup)
-    unblurred = replace(optics, lens_samples=1, shutter_samples=1)
-    sharp_work = stage_work(width, height, border, settings, unblurred, with_lobes, views, groups)
-    sharp = costs.measured_seconds(sharp_work, settings.setup)
-    added = costs.measured_memory(settings.setup, loaded, views * view.width * view.height, len(converted),
-                                  settings.network is Network.PUBLISHED)
+    converting, layers = time.perf_counter() - begin, count_layers(scene)
+    pictures = Pictures.read(depsgraph, settings, width, height)
+    seconds = _remaining_seconds(pictures, settings, optics, len(converted))
+    added = costs.measured_memory(settings.setup, model_cache.is_loaded(), pictures.views * pictures.pixels,
+                                  len(converted), settings.network is Network.PUBLISHED)
     tokens = card.count_tokens(network_input(converted, view, settings, report), settings)
-    return Preflight(layer, count, views, size=(view.width, view.height), triangles=len(converted), tokens=tokens,
-                     card=card.describe(card.memory(settings, tokens, view.width * view.height)),
-                     blur=_blur(optics, seconds, sharp),
-                     seconds=None if seconds is None else count * (converting + seconds),
+    return Preflight(layer, layers, pictures.views, size=(view.width, view.height), triangles=len(converted),
+                     tokens=tokens, card=card.describe(card.memory(settings, tokens, pictures.pixels)),
+                     blur=_describe_blur(pictures, settings, optics, seconds),
+                     seconds=None if seconds is None else layers * (converting + seconds),
                      memory=None if added is None else memory.measure()[0] + added, remarks=report.entries)
 
 
-def _blur(optics: Optics, seconds: float | None, sharp: float | None) -> str:
-    """What depth of field and motion blur cost; "" without them."""
+def _remaining_seconds(pictures: Pictures, settings: FrameSettings, optics: Optics, triangles: int) -> float | None:
+    """Expected seconds of a view layer whose scene of so many triangles is converted; None if never measured."""
+    work = stage_work(pictures, settings, optics) | {
+        CONVERT: Work(1, optics.scenes - 1), ENCODE: Work(triangles, optics.shutter_samples),
+        TEXTURES: Work(triangles, optics.shutter_samples * settings.network.encodes_textures)}
+    return costs.measured_seconds(work, settings.setup)
+
+
+def _describe_blur(pictures: Pictures, settings: FrameSettings, optics: Optics, seconds: float | None) -> str:
+    """What depth of field and motion blur cost, of a render that takes so long; "" without them."""
     if optics.samples == 1:
         return ""
+    unblurred = replace(optics, lens_samples=1, shutter_samples=1)
+    sharp = costs.measured_seconds(stage_work(pictures, settings, unblurred), settings.setup)
     effects = ("depth of field", optics.lens_samples), ("motion blur", optics.shutter_samples)
     kinds = [name for name, count in effects if count > 1]
     times = f"{seconds / sharp:.1f}" if seconds and sharp else optics.samples

@@ -2,12 +2,16 @@
 """The stages of a frame with the amount of work of each."""
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import bpy
 
+from .. import passes
+from ..convert.camera.eyes import count_views
 from ..frame_settings import FrameSettings, Light
 from ..progress import stages
 from ..progress.stages import Stage, Work
-from ..render_size import Border
+from ..render_size import render_border
 from ..runtime import model_cache
 from .optics import Optics
 
@@ -17,16 +21,26 @@ def count_layers(scene: bpy.types.Scene) -> int:
     return 1 if scene.render.use_single_layer else sum(layer.use for layer in scene.view_layers)
 
 
-def stage_work(width: int, height: int, border: Border | None, settings: FrameSettings, optics: Optics,
-               with_lobes: bool, views: int = 1, groups: int = 0) -> dict[Stage, Work]:
-    """What the stages of one view layer have to do, in their units.
+class Pictures(NamedTuple):
+    """What a view layer renders."""
 
-    width, height: of the frame in pixels; border: the part of it that is rendered. with_lobes: the light of each lobe
-    is requested. views: of stereoscopy; Cycles renders all of them at once, the network one after the other. groups:
-    light groups with a pass.
-    """
-    x0, x1, y0, y1 = border or (0, width, 0, height)
-    pixels = (x1 - x0) * (y1 - y0)
+    pixels: int       # of a view, inside the render border
+    views: int        # of stereoscopy; Cycles renders all of them at once, the network one after the other
+    with_lobes: bool  # the light of each lobe is requested
+    groups: int       # light groups with a pass
+
+    @classmethod
+    def read(cls, depsgraph: bpy.types.Depsgraph, settings: FrameSettings, width: int, height: int) -> Pictures:
+        """width, height: of the frame in pixels."""
+        scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
+        x0, x1, y0, y1 = render_border(width, height, scene.render) or (0, width, 0, height)
+        return cls((x1 - x0) * (y1 - y0), count_views(scene), passes.is_light_requested(layer, settings.light_passes),
+                   len(passes.light_groups(layer, settings.light_passes)))
+
+
+def stage_work(pictures: Pictures, settings: FrameSettings, optics: Optics) -> dict[Stage, Work]:
+    """What the stages of one view layer have to do, in their units."""
+    pixels, views, with_lobes, groups = pictures
     all_pixels = pixels * views
     rays, samples = all_pixels * optics.rays_of_picture(settings.sampling).most, optics.samples
     has_smooth_edges = settings.network.has_lobes and settings.light is Light.TRACED and not (

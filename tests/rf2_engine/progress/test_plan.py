@@ -74,7 +74,8 @@ def test_every_stage_has_work_in_the_order_of_a_frame_and_a_cost_of_its_own(scen
     everything = optics.Optics(lens_samples=4, shutter_samples=2, transparent_glass=True, holdouts=True,
                                 shadow_catchers=True)
     scene.renderformer_v2.reference.use = True
-    to_do = work.stage_work(50, 37, None, FrameSettings.read(scene), everything, with_lobes=True)
+    pictures = work.Pictures(50 * 37, views=1, with_lobes=True, groups=0)
+    to_do = work.stage_work(pictures, FrameSettings.read(scene), everything)
     table = [each for each in vars(stages).values() if isinstance(each, stages.Stage)]
     assert list(to_do) == table
     assert len({stage.key for stage in table}) == len(table) and all(stage.first_guess > 0 for stage in table)
