@@ -25,7 +25,7 @@ from ..convert.data.copied import Sun
 from ..convert.lamps.placed_lamp import rotation
 from ..convert.lamps.suns import split_suns
 from ..convert.media.grids import shares
-from ..convert.shading.input_nodes import tell_path
+from ..convert.shading.input_nodes import light_path_value
 from ..progress.status import Status
 from ..registering import handlers
 from . import background as background_cycles
@@ -162,7 +162,7 @@ def _isolate(world: bpy.types.World, ray: Ray, with_discs: bool, override) -> bo
             elif kind == "ShaderNodeLightPath":
                 if not hasattr(link.to_socket, "default_value"):
                     return False
-                answer, old = tell_path(link.from_socket.name, ray), link.to_socket.default_value
+                answer, old = light_path_value(link.from_socket.name, ray), link.to_socket.default_value
                 value = answer if isinstance(old, (int, float)) else [answer] * 3 + [1.0] * (len(old) - 3)
                 override(owner, {f"{path}.to_socket.default_value": value, f"{path}.is_muted": True})
         for node in tree.nodes if not with_discs else ():

@@ -29,8 +29,8 @@ def gridded(obj, material: Material | None, instance: Instance, grids_read: dict
         return None
     names, openvdb = find_grid_names(material) if material else [DEFAULT_GRID], openvdb_module()
     # In render space OBJECT Cycles divides the coefficients by the root mean square of the scale.
-    apart = bool(domain) or obj.data.render.space != "OBJECT"
-    copied = CopiedVolume(obj.name, material, instance, np.array(obj.bound_box), None, apart)
+    is_per_world_unit = bool(domain) or obj.data.render.space != "OBJECT"
+    copied = CopiedVolume(obj.name, material, instance, np.array(obj.bound_box), None, is_per_world_unit)
     if openvdb is None and not domain:
         return copied
     key = obj.as_pointer() if domain else obj.data.as_pointer(), *names

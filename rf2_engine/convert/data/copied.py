@@ -80,7 +80,7 @@ class CopiedVolume:
     instance: Instance
     box: np.ndarray                # (8, 3) f32 corners, in the frame of the object
     grids: dict[str, Grid] | None  # None: they could not be read
-    apart: bool                    # coefficients are per world unit; else in the frame of the object
+    is_per_world_unit: bool        # coefficients are; else they are in the frame of the object
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from ..data.copied import Reach, Sun
 from ..data.report import Report
 from ..shading import graph, sky
 from ..shading.evaluate import Evaluator
-from ..shading.input_nodes import tell_path
+from ..shading.input_nodes import light_path_value
 from ..shading.node_call import OF_A_NODE, NodeCall
 from ..shading.points import Points
 from ..shading.surface import closure_at
@@ -91,7 +91,7 @@ def _who_sees_alike(world: World | None) -> dict[Ray, Ray]:
     asked = {output.name for output in sources if output.node.bl_idname == "ShaderNodeLightPath"}
     alike = {}
     for ray in () if world is None else EYES:
-        alike.setdefault(tuple(tell_path(name, ray) for name in sorted(asked)), []).append(ray)
+        alike.setdefault(tuple(light_path_value(name, ray) for name in sorted(asked)), []).append(ray)
     return {functools.reduce(operator.or_, rays): rays[0] for rays in alike.values()}
 
 

@@ -82,7 +82,8 @@ def gridded(volume: CopiedVolume, report) -> Medium:
     """The grids of a Volume object or of gas."""
     corners = np.float32(volume.box)[[0, 6]]
     texture_space = np.stack([corners.mean(axis=0), np.ptp(corners, axis=0) / 2])
-    unit = 1.0 if volume.apart else 1 / max(np.sqrt(np.mean(volume.instance.matrix[:3, :3] ** 2) * 3), 1e-30)
+    scale = np.sqrt(np.mean(volume.instance.matrix[:3, :3] ** 2) * 3)
+    unit = 1.0 if volume.is_per_world_unit else 1 / max(scale, 1e-30)
 
     def coefficients(inside, values):
         if volume.material:

@@ -65,7 +65,7 @@ def geometry(n: NodeCall):
         n.evaluator.depends_on_side = True
         return np.array([n.points.is_behind], np.float32)
     if name in MIDDLE:
-        n.left_to_cycles(MIDDLE[name])
+        n.bake_or_report(MIDDLE[name])
         return np.full(1, 0.5, np.float32)
     if name == "Incoming":
         raise DependsOnView(f'"{name}" depends on the view')

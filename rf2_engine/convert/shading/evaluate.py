@@ -26,7 +26,7 @@ class Evaluator:
         self.points, self.conventions, self.report = points, conventions, report
         self.owner, self.baker = owner, baker
         self.material_index = 0
-        self.keeps_lobes = False       # whether the network is told of both lobes of the surface (two_lobes.py)
+        self.keeps_lobes = False       # whether the network gets both lobes of the surface (two_lobes.py)
         self.depends_on_ray = False    # whether a Light Path was evaluated
         self.depends_on_side = False   # whether it asks which side of a face it is
         self.has_shader = False        # whether any shader was
@@ -48,15 +48,15 @@ class Evaluator:
             return _default(socket)
         return self._cast(result, socket.type, output.type)
 
-    def evaluate_once(self, n: NodeCall, function: Callable, left_out):
-        """function(n), computed once; `left_out` at the end of too long a chain, and where a node feeds itself."""
+    def evaluate_once(self, n: NodeCall, function: Callable, fallback):
+        """function(n), computed once; `fallback` at the end of too long a chain, and where a node feeds itself."""
         key = function, n.node, n.output, n.frames
         if key in self._memo:
             return self._memo[key]
         if self._depth == LONGEST_CHAIN:
-            return left_out
+            return fallback
         self._depth += 1
-        self._memo[key] = left_out
+        self._memo[key] = fallback
         try:
             self._memo[key] = function(n)
         finally:

@@ -15,7 +15,7 @@ from .normal_map import UP
 def image_texture(n: NodeCall):
     node, vector = n.node, n.linked("Vector")
     if node.image.source == "MOVIE":
-        n.left_to_cycles("of a movie estimated light sees one frame: render it to an image sequence")
+        n.bake_or_report("of a movie estimated light sees one frame: render it to an image sequence")
     if vector is None:
         vector = active_uv(n) if n.points.direction is None else n.points.direction
     if node.projection == "BOX" and n.points.corners is not None:
@@ -142,7 +142,7 @@ def box_weights(normal: np.ndarray, blend: float) -> np.ndarray:
 def _pyramid(n: NodeCall, tile: int | None = None) -> Pyramid:
     """One magenta texel, which is reported, where there are no pixels."""
     if tile in n.node.image.missing:
-        n.folded(n.node.image.missing[tile])
+        n.simplified(n.node.image.missing[tile])
     return n.node.image.pyramids[tile]
 
 

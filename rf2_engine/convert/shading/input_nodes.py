@@ -32,10 +32,10 @@ def value(n: NodeCall):
 
 def light_path(n: NodeCall):
     n.evaluator.depends_on_ray = True
-    return np.array([tell_path(n.output.name, n.points.ray)], np.float32)
+    return np.array([light_path_value(n.output.name, n.points.ray)], np.float32)
 
 
-def tell_path(output: str, ray: Ray = Ray.DIFFUSE) -> float:
+def light_path_value(output: str, ray: Ray = Ray.DIFFUSE) -> float:
     """What an output of Light Path says to such a ray."""
     return float(output in PATHS[ray])
 
@@ -60,7 +60,7 @@ def _mean_reflectance(ior):
 
 def passed_through(n: NodeCall):
     """Ambient Occlusion and the like: their colour without the effect."""
-    n.left_to_cycles("it is ignored")
+    n.bake_or_report("it is ignored")
     return n.get("Color", 1.0) if n.output.name == "Color" else np.ones(1, np.float32)
 
 
@@ -112,7 +112,7 @@ def particle_info(n: NodeCall):
     return _values(getattr(particle, n.output.name.lower().replace(" ", "_")))
 
 
-def of_strands(n: NodeCall):
+def strand_info(n: NodeCall):
     """Curves Info and Point Info: all 0 on meshes."""
     return np.zeros(3 if n.output.type == "VECTOR" else 1, np.float32)
 
@@ -136,5 +136,5 @@ FUNCTIONS = {
     "ShaderNodeLayerWeight": fresnel, "ShaderNodeAmbientOcclusion": passed_through,
     "ShaderNodeAttribute": attribute, "ShaderNodeVertexColor": attribute, "ShaderNodeVolumeInfo": volume_info,
     "ShaderNodeObjectInfo": object_info, "ShaderNodeParticleInfo": particle_info,
-    "ShaderNodeHairInfo": of_strands, "ShaderNodePointInfo": of_strands,
+    "ShaderNodeHairInfo": strand_info, "ShaderNodePointInfo": strand_info,
 }

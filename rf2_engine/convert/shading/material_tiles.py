@@ -39,16 +39,16 @@ UNEVEN = 0.05                # of the mean emission of a triangle: it is a pictu
 MOST_PICTURES = 256          # triangles of a mesh with one; a finer mesh shows it by its triangles
 BRIGHTEST = 6e4              # that half floats hold
 NO_LATENT = (0.0,) * 9
-# Of a tile (model/scene.py)
-BESIDE = Channels(1, translucent=3, fibre=1, clear=3, sheen=len(SHEEN), coat=len(COAT), guessed=1, single=1)
-OPAQUE = np.zeros(len(BESIDE), np.float32)
+# Of a tile, one value for all its texels (model/scene.py)
+EXTRAS = Channels(1, translucent=3, fibre=1, clear=3, sheen=len(SHEEN), coat=len(COAT), guessed=1, single=1)
+OPAQUE = np.zeros(len(EXTRAS), np.float32)
 
 
 class _ShadedTriangles(NamedTuple):
     """Some triangles with one material; one row stands for all where they are alike."""
 
     tiles: np.ndarray         # (m, 11, 32, 32) f16
-    beside: np.ndarray        # (m, len(BESIDE)) f32
+    extras: np.ndarray        # (m, len(EXTRAS)) f32
     lobes: np.ndarray | None  # (m, 7, 32, 32) f16
     emission: np.ndarray      # (3,) or (m, 3) f32, radiance
     is_even: bool             # emission and transparency are the same all over them
@@ -62,7 +62,7 @@ class MaterialTiles:
         self.report, self.baker, self.keeps_lobes = report, baker, keeps_lobes
         self._chunks: list[np.ndarray] = []
         self._latents: list[np.ndarray] = []
-        self._beside: list[np.ndarray] = []  # (T, len(BESIDE))
+        self._extras: list[np.ndarray] = []  # (T, len(EXTRAS))
         self._lobes: list[np.ndarray | int] = []  # of a chunk, or how many tiles it has without any
         self._emission: list[np.ndarray] = []
         self._count = 0
@@ -86,10 +86,10 @@ class MaterialTiles:
         return latents if latents.any() else None
 
     @property
-    def beside(self) -> dict[str, np.ndarray | None]:
-        """Fields of a RenderScene by the names of BESIDE, (T,) or (T, C) f32; None where all are 0."""
-        every = np.concatenate([np.zeros((0, len(BESIDE)), np.float32), *self._beside])
-        values = {name: every[:, BESIDE[name]] for name in BESIDE.parts}
+    def extras(self) -> dict[str, np.ndarray | None]:
+        """Fields of a RenderScene by the names of EXTRAS, (T,) or (T, C) f32; None where all are 0."""
+        every = np.concatenate([np.zeros((0, len(EXTRAS)), np.float32), *self._extras])
+        values = {name: every[:, EXTRAS[name]] for name in EXTRAS.parts}
         return {name: (x if x.shape[1] > 1 else x[:, 0]) if x.any() else None for name, x in values.items()}
 
     @property
@@ -125,14 +125,14 @@ class MaterialTiles:
                 shaded = self._shade(material, surface_points(mesh.take(rows), instance or Instance(), ray=ray,
                                                               is_behind=is_behind))
             emission[rows] = shaded.emission
-            is_clear[rows] = shaded.beside[:, BESIDE["clear"]].mean(axis=-1) > clear
+            is_clear[rows] = shaded.extras[:, EXTRAS["clear"]].mean(axis=-1) > clear
             if len(shaded.tiles) > 1:
                 index[rows] = np.arange(self._count, self._count + len(shaded.tiles))
-                self._append(shaded.tiles, material.latent, shaded.lobes, shaded.beside)
+                self._append(shaded.tiles, material.latent, shaded.lobes, shaded.extras)
                 continue
             is_uniform = shaded.is_even and rows.stop - start > 1
-            beside = shaded.beside[0] if is_uniform else shaded.beside.mean(axis=0)
-            tile = self.constant_index(shaded.tiles[0], material.latent, shaded.lobes, beside)
+            extras = shaded.extras[0] if is_uniform else shaded.extras.mean(axis=0)
+            tile = self.constant_index(shaded.tiles[0], material.latent, shaded.lobes, extras)
             if is_uniform:
                 index[:], emission[:], is_clear[:] = tile, emission[start], is_clear[start]
                 break
@@ -147,14 +147,14 @@ class MaterialTiles:
         emission = self.report.finite(material.name, "its emission", mean_over_triangle(surface.emission))
         tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
         means = [mean_over_triangle(surface.clear) if name == "clear" else mean_of_solid(
-            getattr(surface, name), surface.clear) for name in BESIDE.parts]
-        beside = np.atleast_2d(self.report.finite(material.name, "its transparency", joined(*means)))
+            getattr(surface, name), surface.clear) for name in EXTRAS.parts]
+        extras = np.atleast_2d(self.report.finite(material.name, "its transparency", joined(*means)))
         arrays = None if lobes is None else lobe_arrays(lobes, len(tiles))
         if arrays is not None and len(arrays) > len(tiles):  # only what the surface is made of in between is the same
             tiles = np.repeat(tiles, len(arrays), axis=0)
         if not is_homogeneous(surface):
             self._varying.add(material)
-        return _ShadedTriangles(tiles, beside, arrays, emission, surface.emission.ndim == surface.clear.ndim == 1)
+        return _ShadedTriangles(tiles, extras, arrays, emission, surface.emission.ndim == surface.clear.ndim == 1)
 
     def _evaluate(self, material: Material, points: Points) -> tuple[SurfaceParameters, np.ndarray]:
         """The surface and its height; what they depend on is remembered."""
@@ -231,17 +231,17 @@ class MaterialTiles:
         return None
 
     def constant_index(self, tile: np.ndarray, latent: tuple[float, ...] | None = None,
-                       lobes: np.ndarray | None = None, beside: np.ndarray = OPAQUE) -> int:
-        """The row of a tile (11, 32, 32) f16, one for all that are equal; beside: (len(BESIDE),)."""
-        key = tile.tobytes(), latent, lobes if lobes is None else lobes.tobytes(), tuple(map(float, beside))
+                       lobes: np.ndarray | None = None, extras: np.ndarray = OPAQUE) -> int:
+        """The row of a tile (11, 32, 32) f16, one for all that are equal; extras: (len(EXTRAS),)."""
+        key = tile.tobytes(), latent, lobes if lobes is None else lobes.tobytes(), tuple(map(float, extras))
         if key not in self._constant:
             self._constant[key] = self._count
-            self._append(tile[None], latent, lobes, beside)
+            self._append(tile[None], latent, lobes, extras)
         return self._constant[key]
 
     def _append(self, tiles: np.ndarray, latent: tuple[float, ...] | None, lobes: np.ndarray | None,
-                beside: np.ndarray) -> None:
-        self._beside.append(np.broadcast_to(np.float32(beside), (len(tiles), len(OPAQUE))))
+                extras: np.ndarray) -> None:
+        self._extras.append(np.broadcast_to(np.float32(extras), (len(tiles), len(OPAQUE))))
         self._lobes.append(len(tiles) if lobes is None else lobes)
         self._chunks.append(tiles)
         self._latents.append(np.tile(np.float32(latent or NO_LATENT), (len(tiles), 1)))

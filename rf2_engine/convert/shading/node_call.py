@@ -104,18 +104,18 @@ class NodeCall:
     def approximated(self, message: str) -> None:
         """Report what of this node is lost, as a sentence about "it"."""
         name, kind = self.node.name, self.node.bl_label
-        told = f'{OF_A_NODE}{name}"' + ("" if name.startswith(kind) else f" ({kind})")
+        label = f'{OF_A_NODE}{name}"' + ("" if name.startswith(kind) else f" ({kind})")
         within = "".join(f' in "{group.node_tree.name}"' for group in self.frames)
-        self.evaluator.report.approximated(self.evaluator.owner, f"{told}{within}: {message}")
+        self.evaluator.report.approximated(self.evaluator.owner, f"{label}{within}: {message}")
 
-    def left_to_cycles(self, message: str) -> None:
+    def bake_or_report(self, message: str) -> None:
         """Have the node baked where the user allows it; else report what of it is lost."""
         if self.evaluator.baker:
             raise Unknown("it cannot be evaluated")
         self.approximated(message)
 
-    def folded(self, message: str) -> None:
-        """Report what of the surface is lost: once, however many of its nodes lose the same."""
+    def simplified(self, message: str) -> None:
+        """Report what the surface loses: once, however many of its nodes lose the same."""
         self.evaluator.report.approximated(self.evaluator.owner, message)
 
     def _input(self, key):

@@ -39,23 +39,23 @@ def closure_at(n: NodeCall, key) -> Closure:
 
 
 def unknown(n: NodeCall):
-    n.folded(f"{n.node.bl_label} is shown as Diffuse")
+    n.simplified(f"{n.node.bl_label} is shown as Diffuse")
     return lobe(n.get(("Color", "Base Color"), (0.8, 0.8, 0.8)))
 
 
 def mix(n: NodeCall):
     factor = np.clip(n[0], 0, 1)
-    return _folded(n, closure_at(n, 1) * (1 - factor), closure_at(n, 2) * factor)
+    return _sum(n, closure_at(n, 1) * (1 - factor), closure_at(n, 2) * factor)
 
 
 def add(n: NodeCall):
-    return _folded(n, closure_at(n, 0), closure_at(n, 1))
+    return _sum(n, closure_at(n, 0), closure_at(n, 1))
 
 
-def _folded(n: NodeCall, first: Closure, second: Closure) -> Closure:
+def _sum(n: NodeCall, first: Closure, second: Closure) -> Closure:
     """The sum of two closures; what of it one BSDF cannot show is reported."""
     if not n.evaluator.keeps_lobes and np.any(first.color.any(axis=-1) & second.color.any(axis=-1)):
-        n.folded("two shaders are replaced by one in between")
+        n.simplified("two shaders are replaced by one in between")
     return first + second
 
 
@@ -72,12 +72,12 @@ APPROXIMATED = {  # input of Principled BSDF: what becomes of it when it is not 
 def principled(n: NodeCall):
     for name, message in APPROXIMATED.items():
         if np.any(n.get(name) != 0):
-            n.folded(message)
+            n.simplified(message)
     level, ior, alpha = n.get("Specular IOR Level", 0.5), n.get("IOR", 1.5), np.clip(n.get("Alpha", 1), 0, 1)
     transmission, metallic = np.clip(n.get("Transmission Weight"), 0, 1), np.clip(n.get("Metallic"), 0, 1)
     tint = n.get("Specular Tint", WHITE)
     if np.any(level * np.abs(tint - 1) > 0.01):
-        n.folded("specular tint is shown as grey")
+        n.simplified("specular tint is shown as grey")
         level = level * mix_values(tint @ LUMINANCE[:, None], ONE, metallic)
     color, roughness, coat = n.get("Base Color"), n.get("Roughness"), np.clip(n.get("Coat Weight"), 0, 1)
     clear_coat = np.zeros(len(COAT), np.float32)
@@ -86,7 +86,7 @@ def principled(n: NodeCall):
     if np.any(coat > 0):
         color = color * mix_values(WHITE, n.get("Coat Tint", WHITE), coat)
         if n.source("Coat Normal"):
-            n.folded("its coat uses the normal of the surface")
+            n.simplified("its coat uses the normal of the surface")
         weight, f0 = coat, layers.normal_reflectance(n.get("Coat IOR", 1.5))
         coat = weight * f0
         gloss = metallic + transmission + 2 * level * layers.normal_reflectance(ior)
@@ -105,38 +105,38 @@ def principled(n: NodeCall):
     matte = np.clip(n.get("Diffuse Roughness"), 0, 1) * (1 - metallic) * (1 - transmission)
     surface = guess(surface, np.maximum(np.abs(n.get("Anisotropic")).clip(0, 1), matte))
     if np.any(wall * transmission > 0):
-        n.folded("a thin wall lets light straight through, without blur and reflection")
+        n.simplified("a thin wall lets light straight through, without blur and reflection")
         thin = wall * transmission * (1 - metallic)
         surface = surface * (1 - thin) + window(np.sqrt(np.clip(color, 0, 1))) * thin
     surface.emission = n.get("Emission Color", WHITE) * n.get("Emission Strength")
     if np.all(alpha >= 1):
         return surface
-    n.folded("alpha below 1 is shown as transmission without refraction")
+    n.simplified("alpha below 1 is shown as transmission without refraction")
     return surface * alpha + window(WHITE) * (1 - alpha)
 
 
 def diffuse(n: NodeCall):
     surface = lobe(n["Color"], normal=tangent_normal(n))
     if n.kind == "ShaderNodeBsdfDiffuse" and np.any(n["Roughness"] > 0):
-        n.folded("diffuse roughness is ignored")
+        n.simplified("diffuse roughness is ignored")
         surface = guess(surface, np.clip(n["Roughness"], 0, 1))
     return surface
 
 
 def scattering(n: NodeCall):
-    n.folded(f"{n.node.bl_label} is shown as Diffuse")
+    n.simplified(f"{n.node.bl_label} is shown as Diffuse")
     return guess(diffuse(n))
 
 
 def subsurface(n: NodeCall):
-    n.folded(f"{n.node.bl_label} is shown as Diffuse")
+    n.simplified(f"{n.node.bl_label} is shown as Diffuse")
     closure = diffuse(n)
     closure.color = np.minimum(closure.color, 1)
     return closure
 
 
 def translucent(n: NodeCall):
-    n.folded(f"in mirrors and behind glass {n.node.bl_label} is shown as Diffuse")
+    n.simplified(f"in mirrors and behind glass {n.node.bl_label} is shown as Diffuse")
     closure = diffuse(n)
     closure.translucent = closure.color
     return closure
@@ -144,7 +144,7 @@ def translucent(n: NodeCall):
 
 def principled_hair(n: NodeCall):
     """What a fibre sends back and through, each as if to all directions."""
-    n.folded(f"{n.node.bl_label} is shown as Diffuse and Translucent")
+    n.simplified(f"{n.node.bl_label} is shown as Diffuse and Translucent")
     radial = n.get("Radial Roughness", 0.3)
     if n.node.parametrization == "ABSORPTION":
         absorption = np.maximum(n["Absorption Coefficient"], 0)
@@ -161,7 +161,7 @@ def principled_hair(n: NodeCall):
 
 
 def sheen(n: NodeCall):
-    n.folded(f"in mirrors and bounced light {n.node.bl_label} is shown as Diffuse")
+    n.simplified(f"in mirrors and bounced light {n.node.bl_label} is shown as Diffuse")
     closure = lobe(n["Color"] * mean_albedo(n["Roughness"]), normal=tangent_normal(n))
     closure = with_sheen(closure, n["Color"], n["Roughness"])
     return guess(closure) if n.node.distribution == "ASHIKHMIN" else closure
@@ -170,13 +170,13 @@ def sheen(n: NodeCall):
 def toon(n: NodeCall):
     if n.node.component == "DIFFUSE":
         return scattering(n)
-    n.folded(f"{n.node.bl_label} is shown as Glossy")
+    n.simplified(f"{n.node.bl_label} is shown as Glossy")
     return guess(lobe(n["Color"], ONE, n["Size"], normal=tangent_normal(n)))
 
 
 def _report_film(n: NodeCall) -> None:
     if np.any(n.get("Thin Film Thickness") > 0):
-        n.folded("thin film is ignored")
+        n.simplified("thin film is ignored")
 
 
 def glossy(n: NodeCall):
@@ -186,9 +186,9 @@ def glossy(n: NodeCall):
     else:
         color = n["Base Color", "Color"]
         if np.any(np.abs(n.get("Edge Tint", WHITE) - 1) > 0.01):
-            n.folded("its Edge Tint is ignored")
+            n.simplified("its Edge Tint is ignored")
     if np.any(n.get("Anisotropy") != 0):
-        n.folded("anisotropy is ignored")
+        n.simplified("anisotropy is ignored")
     _report_film(n)
     surface = scattered_once(lobe(color, ONE, n["Roughness"], normal=tangent_normal(n)), n.node)
     return guess(surface, np.abs(n.get("Anisotropy")).clip(0, 1))
@@ -197,24 +197,24 @@ def glossy(n: NodeCall):
 def glass(n: NodeCall):
     """Glass tints by its colour at each interface, Principled by the root of its base colour: the colour is squared."""
     if n.kind == "ShaderNodeBsdfRefraction":
-        n.folded("refraction without reflection is shown as glass")
+        n.simplified("refraction without reflection is shown as glass")
     _report_film(n)
     surface = lobe(n["Color"] ** 2, ZERO, n["Roughness"], n["IOR"], ONE, tangent_normal(n))
     return guess(surface) if n.kind == "ShaderNodeBsdfRefraction" else surface
 
 
 def portal(n: NodeCall):
-    n.folded(f"{n.node.bl_label} is shown as Transparent: it does not show what is at another place")
+    n.simplified(f"{n.node.bl_label} is shown as Transparent: it does not show what is at another place")
     return window(n["Color"])
 
 
 def transparent(n: NodeCall):
-    n.folded("transparency is shown as transmission without refraction")
+    n.simplified("transparency is shown as transmission without refraction")
     return window(n["Color"])
 
 
 def eevee_only(n: NodeCall):
-    n.folded(f"{n.node.bl_label} is not supported by Cycles, which shows it black: use a Principled BSDF")
+    n.simplified(f"{n.node.bl_label} is not supported by Cycles, which shows it black: use a Principled BSDF")
     return lobe(BLACK)
 
 

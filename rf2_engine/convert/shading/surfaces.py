@@ -10,8 +10,8 @@ from ....model.scene import HALF_SPACE, SELDOM, Geometry, RenderScene
 from ..data import mesh as meshes
 from ..data.collected import Part
 from ..data.copied import Instance
+from .appearance import TriangleAppearance, find_appearance
 from .hit_materials import HitMaterials
-from .looks import Looks, find_looks
 from .material_tiles import MaterialTiles
 
 # Arrays of a RenderScene that it does without where all triangles have this value.
@@ -25,7 +25,8 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
 
     hit_materials: records the mesh and instance of all rows of the geometry.
     """
-    rows: dict[str, list[np.ndarray]] = {name: [] for name in ("triangles", "normals", *Looks._fields, *USUAL)}
+    names = "triangles", "normals", *TriangleAppearance._fields, *USUAL
+    rows: dict[str, list[np.ndarray]] = {name: [] for name in names}
     geometry: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "token": []}
     count = 0
     for i, part in enumerate(parts):
@@ -43,7 +44,7 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
                             hit_materials.add(part, instance, materials, is_real)
                     count += np.count_nonzero(is_kept)
     scene = RenderScene(tiles=materials.tiles, latents=materials.latents, two_lobes=materials.two_lobes,
-                        emission_tiles=materials.emission_tiles, **materials.beside)
+                        emission_tiles=materials.emission_tiles, **materials.extras)
     sides = rows.pop("shining_side")
     for name, values in rows.items():
         if values:
@@ -73,8 +74,8 @@ def _instance(part: Part, instance: Instance, materials: MaterialTiles, shared: 
               report) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Fields of a RenderScene for the triangles of one instance, and which of these show; shared: as in `_materials`.
     """
-    looks = _materials(part, instance, materials, shared)
-    is_opaque = looks.tile_index >= 0
+    appearance = _materials(part, instance, materials, shared)
+    is_opaque = appearance.tile_index >= 0
     if not is_opaque.all():
         report.approximated(part.name, f"{np.count_nonzero(~is_opaque)} of its {len(is_opaque)} triangles are left "
                                        "out, because they are almost fully transparent")
@@ -89,7 +90,7 @@ def _instance(part: Part, instance: Instance, materials: MaterialTiles, shared: 
              "group": np.full(len(corners), instance.group, np.uint8),
              "lit_groups": np.full(len(corners), part.lit_groups, np.uint64),
              "blockers": np.full(len(corners), part.blockers, np.uint64)}
-            | looks._asdict(), near & solid & is_opaque)
+            | appearance._asdict(), near & solid & is_opaque)
 
 
 def _is_usable(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -121,23 +122,23 @@ def _real_surfaces(part: Part, instance: Instance, tokens: dict[str, np.ndarray]
     return surfaces
 
 
-def _materials(part: Part, instance: Instance, materials: MaterialTiles, shared: dict) -> Looks:
+def _materials(part: Part, instance: Instance, materials: MaterialTiles, shared: dict) -> TriangleAppearance:
     """Those of the triangles of an instance of a part.
 
     shared: by material slot and MaterialTiles.sharing what instances have in common, filled here.
     """
     mesh = part.mesh
-    looks = Looks.empty(len(mesh))
+    appearance = TriangleAppearance.empty(len(mesh))
     slots = np.unique(mesh.slot)
     for i, slot in enumerate(slots):
         rows, material = np.flatnonzero(mesh.slot == slot), part.materials[slot]
         shaded = shared.get((slot, materials.sharing(material, instance)))
         with progress.part(i / len(slots), (i + 1) / len(slots)):
             if shaded is None:
-                shaded = find_looks(materials, material, mesh.take(rows), instance)
+                shaded = find_appearance(materials, material, mesh.take(rows), instance)
                 shared[slot, materials.sharing(material, instance)] = shaded
-            for whole, values in zip(looks, shaded, strict=True):
+            for whole, values in zip(appearance, shaded, strict=True):
                 whole[rows] = values
-    return looks._replace(emission=looks.emission * np.reshape(part.flux_gain, (-1, 1)).astype(np.float32),
-                          hidden=looks.hidden | np.uint8(part.hidden),
-                          is_holdout=looks.is_holdout | instance.is_holdout)
+    return appearance._replace(emission=appearance.emission * np.reshape(part.flux_gain, (-1, 1)).astype(np.float32),
+                          hidden=appearance.hidden | np.uint8(part.hidden),
+                          is_holdout=appearance.is_holdout | instance.is_holdout)

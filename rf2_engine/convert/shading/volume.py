@@ -190,11 +190,11 @@ def coefficient_emission(n: NodeCall):
     return n["Emission Coefficients"]
 
 
-def glow(n: NodeCall):
+def emission(n: NodeCall):
     return n["Color"] * n["Strength"]
 
 
-def glow_alone(n: NodeCall):
+def no_coefficients(n: NodeCall):
     return NONE, NONE
 
 
@@ -206,9 +206,9 @@ def _report_losses(n: NodeCall) -> None:
 SHADERS = {
     "ShaderNodeMixShader": mix, "ShaderNodeAddShader": add, "ShaderNodeVolumePrincipled": principled,
     "ShaderNodeVolumeScatter": scatter, "ShaderNodeVolumeAbsorption": absorption,
-    "ShaderNodeVolumeCoefficients": coefficients, "ShaderNodeEmission": glow_alone,
+    "ShaderNodeVolumeCoefficients": coefficients, "ShaderNodeEmission": no_coefficients,
 }
 EMISSION = {
-    "ShaderNodeMixShader": mixed_emission, "ShaderNodeAddShader": added_emission, "ShaderNodeEmission": glow,
+    "ShaderNodeMixShader": mixed_emission, "ShaderNodeAddShader": added_emission, "ShaderNodeEmission": emission,
     "ShaderNodeVolumePrincipled": principled_emission, "ShaderNodeVolumeCoefficients": coefficient_emission,
 }

@@ -16,9 +16,9 @@ from bl_ext.user_default.renderformer_v2.model.scene import (
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.meshes import read_mesh
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.copied import Instance
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.appearance import find_appearance
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.functions import FUNCTIONS
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.layers import effective_ior
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.looks import find_looks
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material_tiles import MaterialTiles
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.spectrum import blackbody_color
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.volume import has_surface, volume_coefficients
@@ -149,8 +149,8 @@ def test_emission_that_varies_within_a_triangle_is_kept_on_a_fine_grid():
     corners = np.float32([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]])
     made, mesh = shining_image(corners)
     tiles = MaterialTiles(Report())
-    looks = find_looks(tiles, made, mesh, Instance())
-    index, emission = looks.emission_tile, looks.emission
+    appearance = find_appearance(tiles, made, mesh, Instance())
+    index, emission = appearance.emission_tile, appearance.emission
     assert (index >= 0).all()
     grid = barycentric_grid(EMISSION_SIZE)
     inside = grid[..., 2] > -1e-6
@@ -167,7 +167,7 @@ def test_even_emission_has_no_grid():
     even, _, _ = material("ShaderNodeEmission", Strength=8.0)
     tiles = MaterialTiles(Report())
     for each in made, copied(even):
-        assert find_looks(tiles, each, mesh, Instance()).emission_tile.tolist() == [-1]
+        assert find_appearance(tiles, each, mesh, Instance()).emission_tile.tolist() == [-1]
     assert tiles.emission_tiles is None
 
 
@@ -326,8 +326,8 @@ def test_hair_of_one_color_is_the_same_by_its_color_and_its_melanin():
             node.inputs[name].default_value = value
         tiles = MaterialTiles(Report())
         index, _ = tiles.triangle_tiles(copied(made), triangles(1))
-        through = tiles.beside["translucent"][index]
-        assert tiles.beside["fibre"][index] == 1 and (through > 0).all() and (through < 1).all()
+        through = tiles.extras["translucent"][index]
+        assert tiles.extras["fibre"][index] == 1 and (through > 0).all() and (through < 1).all()
         return tiles.tiles[index[0], :3, 0, 0].astype(np.float32)
 
     blond, dark = tile("MELANIN", Melanin=0.15), tile("MELANIN", Melanin=0.95)
@@ -344,7 +344,7 @@ def test_hair_of_one_color_is_the_same_by_its_color_and_its_melanin():
 def test_tiles_say_how_much_of_a_surface_has_a_lobe_of_another_shape(kind, inputs, expected):
     tiles = MaterialTiles(Report())
     index, _ = tiles.triangle_tiles(copied(material(kind, **inputs)[0]), triangles(1))
-    guessed = tiles.beside["guessed"]
+    guessed = tiles.extras["guessed"]
     assert (0 if guessed is None else guessed[index[0]]) == pytest.approx(expected)
 
 
@@ -357,7 +357,7 @@ def test_tiles_say_whether_their_facets_light_each_other(kind, distribution, exp
         node.distribution = distribution
     tiles = MaterialTiles(Report())
     index, _ = tiles.triangle_tiles(copied(made), triangles(1))
-    single = tiles.beside["single"]
+    single = tiles.extras["single"]
     assert (0 if single is None else single[index[0]]) == pytest.approx(expected)
 
 
@@ -366,9 +366,9 @@ def test_tiles_say_what_coat_and_sheen_are():
     made = material(Roughness=0.5, Coat_Weight=0.8, Coat_Roughness=0.1, Sheen_Weight=0.5, Sheen_Roughness=0.7,
                     Sheen_Tint=(1, 0.5, 0, 1))[0]
     index, _ = tiles.triangle_tiles(copied(made), triangles(1))
-    np.testing.assert_allclose(tiles.beside["sheen"][index[0]], (0.5, 0.25, 0, 0.7), atol=1e-5)
+    np.testing.assert_allclose(tiles.extras["sheen"][index[0]], (0.5, 0.25, 0, 0.7), atol=1e-5)
     share = 0.8 / 1.8  # coat and layer reflect 0.04 each
-    np.testing.assert_allclose(tiles.beside["coat"][index[0]], (0.8, 0.04, 0.1, share), atol=1e-3)
+    np.testing.assert_allclose(tiles.extras["coat"][index[0]], (0.8, 0.04, 0.1, share), atol=1e-3)
     roughness = tiles.tiles[index[0], ROUGHNESS, 0, 0]
     assert (float(roughness) - share * 0.1) / (1 - share) == pytest.approx(0.5, abs=2e-3)
 
@@ -382,7 +382,7 @@ def test_translucent_light_has_a_color_of_its_own():
         tree.links.new(shader.outputs[0], input)
     tiles = MaterialTiles(Report())
     index, _ = tiles.triangle_tiles(copied(made), triangles(1))
-    assert tiles.beside["translucent"][index[0]] == pytest.approx([0.75, 0.5, 0], abs=1e-3)
+    assert tiles.extras["translucent"][index[0]] == pytest.approx([0.75, 0.5, 0], abs=1e-3)
 
 
 @pytest.mark.parametrize("cut", [None, 0.5, "ShaderNodeTexChecker"])
@@ -400,5 +400,5 @@ def test_holes_leave_what_is_there_as_translucent_as_it_is(cut):
         tree.links.new(holes.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
     tiles = MaterialTiles(Report())
     index, _ = tiles.triangle_tiles(copied(made), triangles(1))
-    assert tiles.beside["translucent"][index] == pytest.approx(0.25, abs=1e-3)
-    assert cut is None or tiles.beside["clear"][index].mean() == pytest.approx(0.5, abs=0.05)
+    assert tiles.extras["translucent"][index] == pytest.approx(0.25, abs=1e-3)
+    assert cut is None or tiles.extras["clear"][index].mean() == pytest.approx(0.5, abs=0.05)

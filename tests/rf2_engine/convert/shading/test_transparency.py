@@ -51,7 +51,7 @@ def test_tiles_say_how_much_of_each_colour_goes_straight_through():
     across = np.array([(0, 0), (1, 0), (0, 1)], np.float32)
     index = np.concatenate([tiles.triangle_tiles(copied(made), triangles(1, [across]))[0]
                             for made in (leaf, pane, glass)])
-    clear = tiles.beside["clear"][index]
+    clear = tiles.extras["clear"][index]
     np.testing.assert_allclose(clear, [(0.75, 0.75, 0.75), (0.8, 0.4, 0.2), (0, 0, 0)], atol=0.02)
 
 
@@ -79,5 +79,5 @@ def test_a_colour_that_is_no_number_lets_nothing_through_and_is_reported():
     report = Report()
     tiles = MaterialTiles(report)
     index, _ = tiles.triangle_tiles(copied(pane), triangles(2))
-    np.testing.assert_allclose(tiles.beside["clear"][index], [(0, 0.4, 0.2)] * 2, atol=1e-6)
+    np.testing.assert_allclose(tiles.extras["clear"][index], [(0, 0.4, 0.2)] * 2, atol=1e-6)
     assert any("its transparency has values that are infinite" in line for line in report.lines())
