@@ -40,10 +40,10 @@ class GrowingReference:
 
     def is_ours(self, context: bpy.types.Context) -> bool:
         """Whether this Image Editor shows the picture whose light Cycles traces: there is nothing else to show yet."""
-        running = cycles_growing.running(is_beside=False)
+        running = cycles_growing.running(is_reference=False)
         return running is not None and self._is_shown(context, running)
 
-    def _is_shown(self, context: bpy.types.Context, running: cycles_growing.Reference) -> bool:
+    def _is_shown(self, context: bpy.types.Context, running: cycles_growing.CyclesPicture) -> bool:
         """Whether this Image Editor shows Combined of what is rendered."""
         space, user = context.space_data, context.space_data.image_user
         if space.image is None or space.image.type != "RENDER_RESULT":
@@ -66,9 +66,9 @@ class GrowingReference:
         self._update()
         if self.picture is None:
             return
-        is_beside = cycles_growing.running() is not None
-        begin, shift = comparison.settings.split if is_beside else 0.0, 0.0
-        if is_beside and comparison.settings.mode == "SIDE":
+        is_reference = cycles_growing.running() is not None
+        begin, shift = comparison.settings.split if is_reference else 0.0, 0.0
+        if is_reference and comparison.settings.mode == "SIDE":
             _, begin, shift = halves.find(bpy.context)
             erase_right_half(bpy.context, image_buffer)
         with image_buffer.bind():
@@ -78,7 +78,7 @@ class GrowingReference:
         """Take over what Cycles has rendered so far, at most once in an interval."""
         import gpu
 
-        running = cycles_growing.running() or cycles_growing.running(is_beside=False)
+        running = cycles_growing.running() or cycles_growing.running(is_reference=False)
         if (running is None or time.perf_counter() < self._next_update
                 or not _shows_rendered_view(bpy.context.space_data)):
             return

@@ -108,8 +108,8 @@ class Sketch:
                 progress.report()
                 own = at[slot == index]
                 color[own], clear[own] = _evaluated(surface.slots[index], mesh, instance, row[own], share[own])
-        lit = AMBIENT + (1 - AMBIENT) * np.abs((self._normals(item, row, share, triangle, rays) * rays).sum(1))
-        return color * lit[:, None] * BRIGHTNESS, clear
+        shade = AMBIENT + (1 - AMBIENT) * np.abs((self._normals(item, row, share, triangle, rays) * rays).sum(1))
+        return color * shade[:, None] * BRIGHTNESS, clear
 
     def _normals(self, item, row, share, triangle, rays) -> np.ndarray:
         """(P, 3) f32 unit, world."""

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import bpy
 
 
-class Reference(NamedTuple):
-    """A reference that Cycles renders beside our picture of a view layer, or the traced light of the picture itself."""
+class CyclesPicture(NamedTuple):
+    """The reference of a view layer, or the traced light of our own picture of it."""
 
     layer: str
     width: int                  # of the picture, in pixels
@@ -28,15 +28,15 @@ class Reference(NamedTuple):
     left: int = 0               # of the render region in the frame, in pixels: Cycles draws it there
     bottom: int = 0
     views: tuple[str, ...] = ("",)  # of stereoscopy, which Cycles renders one after the other
-    is_beside: bool = True      # our picture, which it is not itself
+    is_reference: bool = True
 
 
 @dataclass
 class GrowingPicture:
     """What Cycles renders now, if it can be drawn. The window is drawn by another thread than the one that renders."""
 
-    reference: Reference | None = None
-    engine: bpy.types.RenderEngine | None = None  # in whose session the picture is
+    picture: CyclesPicture | None = None
+    engine: bpy.types.RenderEngine | None = None  # in whose session it is
     lock: threading.Lock = field(default_factory=threading.Lock)  # neither may go away while it is drawn
 
 
@@ -44,14 +44,14 @@ _growing = GrowingPicture()
 
 
 @contextmanager
-def announced(reference: Reference):
-    """Inside, what Cycles renders is this reference."""
-    _growing.reference = reference
+def announced(picture: CyclesPicture):
+    """Inside, what Cycles renders is this picture."""
+    _growing.picture = picture
     try:
         yield
     finally:
         with _growing.lock:
-            _growing.reference = None
+            _growing.picture = None
 
 
 @contextmanager
@@ -66,16 +66,16 @@ def drawable(engine: bpy.types.RenderEngine):
             _growing.engine = None
 
 
-def running(is_beside: bool = True) -> Reference | None:
+def running(is_reference: bool = True) -> CyclesPicture | None:
     """The reference of which `draw` can draw something, or the traced light of our own picture."""
     with _growing.lock:
-        reference = _growing.reference
-        there = reference and reference.is_beside == is_beside and _growing.engine and reference.samples()
-        return reference if there else None
+        picture = _growing.picture
+        is_drawable = picture and picture.is_reference == is_reference and _growing.engine and picture.samples()
+        return picture if is_drawable else None
 
 
 def size() -> tuple[int, int] | None:
-    """Width and height of the picture that `draw` draws, in pixels."""
+    """Width and height of the reference that `draw` draws, in pixels."""
     reference = running()
     return reference and (reference.width, reference.height)
 
@@ -83,9 +83,9 @@ def size() -> tuple[int, int] | None:
 def view() -> int:
     """The number of the view that Cycles renders; 0 without stereoscopy."""
     with _growing.lock:
-        reference = _growing.reference
-        name = _growing.engine.active_view_get() if reference and _growing.engine else ""
-        return reference.views.index(name) if reference and name in reference.views else 0
+        picture = _growing.picture
+        name = _growing.engine.active_view_get() if picture and _growing.engine else ""
+        return picture.views.index(name) if picture and name in picture.views else 0
 
 
 def draw(context: bpy.types.Context) -> None:

@@ -61,8 +61,8 @@ class FirstHits:
             picture[self.outside, 3] = 1
         return picture
 
-    def shown(self, lobes: Lobes) -> tuple[Guides, Lobes]:
-        """The guides and light that passes are made of.
+    def without_catchers(self, lobes: Lobes) -> tuple[Guides, Lobes]:
+        """The guides and light that passes are made of, without the light of shadow catchers.
 
         As in Cycles' passes, shadow catchers have colours and emission, but no light; an opaque film has the world
         behind them, without the shadows that Combined has.
@@ -70,8 +70,8 @@ class FirstHits:
         if self.shadows is None:
             return self.guides, lobes
         guides = replace(self.guides, **{key: self.passes[key] for key in output.EMITTED})
-        seen = guides.emission if self.opacity is None else guides.emission + guides.environment
-        return guides, lobes.scaled_to((self.composite(lobes.radiance, 1.0)[..., :3] - seen).clip(0))
+        visible = guides.emission if self.opacity is None else guides.emission + guides.environment
+        return guides, lobes.scaled_to((self.composite(lobes.radiance, 1.0)[..., :3] - visible).clip(0))
 
 
 def render_first_hits(layer: Layer, scene: RenderScene, views: dict[str, View],
@@ -169,19 +169,19 @@ def _move_to_samples(lenses: list[tuple[Lens, np.ndarray]], override) -> None:
 
 
 def _run_session(layer: Layer, scene: RenderScene, camera: CameraModel, sampling: Sampling,
-                 shown: dict[str, View] | None = None) -> dict[str, Passes]:
+                 shown_views: dict[str, View] | None = None) -> dict[str, Passes]:
     """The passes of cycles_session.render_views.
 
-    shown: the views of the picture, if the light that Cycles traces is to be seen meanwhile.
+    shown_views: those of the picture, if the light that Cycles traces is to be visible meanwhile.
     """
     settings, stack, most = layer.settings, ExitStack(), sampling.most
     with_light = " and direct light" if settings.light is Light.TRACED else ""
     with stack, layer.status.during_cycles(f"Camera rays{with_light} {{}}", share=CYCLES_SHARE) as status:
-        if shown and settings.light is Light.TRACED:
-            view = next(iter(shown.values()))
-            stack.enter_context(growing.announced(growing.Reference(
+        if shown_views and settings.light is Light.TRACED:
+            view = next(iter(shown_views.values()))
+            stack.enter_context(growing.announced(growing.CyclesPicture(
                 layer.name, view.width, view.height, 0.0, functools.partial(status.samples, most), most,
-                time.perf_counter(), *(layer.border[::2] if layer.border else (0, 0)), tuple(shown), is_beside=False)))
+                time.perf_counter(), *layer.corner, tuple(shown_views), is_reference=False)))
         return _render_views(layer, SessionOptions(sampling, settings.light, camera, has_volumes=bool(scene.volumes),
                                                    threads=settings.threads, groups=layer.light_groups))
 
@@ -222,8 +222,9 @@ def _caught_shadows(passes: Passes, coverage: np.ndarray, alpha: np.ndarray) -> 
     """
     share = ((alpha - coverage) / alpha.clip(1e-6)).clip(0, 1)
     noise = passes.get("noise", np.zeros_like(passes["emission"]))
-    kept = np.where((share > 0) & (coverage == 0) & (alpha < 1), noise, 0)
-    return CaughtShadows(passes | {"combined": output.lit(passes["combined"], kept), "noise": noise - kept}, share)
+    restored = np.where((share > 0) & (coverage == 0) & (alpha < 1), noise, 0)
+    combined = output.add_light(passes["combined"], restored)
+    return CaughtShadows(passes | {"combined": combined, "noise": noise - restored}, share)
 
 
 def _shadow_catcher_pass(catching: tuple[Passes, np.ndarray] | None, rendered: Passes) -> Passes:

@@ -61,6 +61,11 @@ class Layer:
         return cls(engine, depsgraph, layer.name, settings, optics, render_border(width, height, scene.render),
                    pictures.with_lobes, groups, plan, status, report)
 
+    @property
+    def corner(self) -> tuple[int, int]:
+        """Left and bottom of the render border in the frame, in pixels."""
+        return self.border[::2] if self.border else (0, 0)
+
     def eyes(self) -> list[Eye]:
         """The eyes at the moment that is evaluated."""
         return eyes(self.engine, self.depsgraph)

@@ -19,7 +19,7 @@ from . import shutter
 from .first_hits import FirstHits, render_sample_hits
 from .layer import Layer
 from .light_groups import GroupEstimates
-from .lit_alone import LitAlone
+from .light_subset import LightSubset
 from .optics import Optics
 from .output import EMITTED
 
@@ -34,14 +34,14 @@ class Picture:
     tokens: int = 0  # of the scene that was encoded last; 0 without a transformer
 
     @classmethod
-    def lit(cls, hits: FirstHits, lobes: Lobes, exposure: float, tokens: int) -> Picture:
+    def of(cls, hits: FirstHits, lobes: Lobes, exposure: float, tokens: int) -> Picture:
         """The picture of first hits with that light."""
-        return cls(hits.composite(lobes.radiance, exposure), *hits.shown(lobes), tokens)
+        return cls(hits.composite(lobes.radiance, exposure), *hits.without_catchers(lobes), tokens)
 
     @classmethod
-    def unlit(cls, hits: FirstHits, exposure: float) -> Picture:
+    def without_light(cls, hits: FirstHits, exposure: float) -> Picture:
         """The picture before the network has added anything."""
-        return cls.lit(hits, Lobes(np.zeros((*hits.guides.alpha.shape, 3), np.float32)), exposure, 0)
+        return cls.of(hits, Lobes(np.zeros((*hits.guides.alpha.shape, 3), np.float32)), exposure, 0)
 
 
 class LayerNetwork:
@@ -51,7 +51,7 @@ class LayerNetwork:
         """Weights other than the bundled ones are loaded now: wrong ones are found before Cycles works for nothing."""
         self._layer, self._scene, self._framing, self._renderer = layer, scene, framing, None
         self._groups: GroupEstimates | None = None
-        self._negative: LitAlone | None = None
+        self._negative: LightSubset | None = None
         self._has_content = bool(len(scene) or scene.volumes)
         if self._has_content and layer.settings.weights != BUNDLED:
             self.load()
@@ -87,7 +87,7 @@ class LayerNetwork:
         layer.status.sample = name and f"View {name}"
         encoded = self._encode(view)
         lobes = self._light(encoded, view, hits.guides)
-        picture = Picture.lit(hits, lobes, layer.settings.exposure, encoded.tokens)
+        picture = Picture.of(hits, lobes, layer.settings.exposure, encoded.tokens)
         if layer.settings.network.has_lobes and hits.shadows is None:
             picture = self._smooth_edges(encoded, picture, hits, view.wraps)
         layer.status.sample = ""
@@ -123,7 +123,7 @@ class LayerNetwork:
                     mean.add(lobes[name], sample_hits[name][1])
                 show(light_so_far())
         status.sample = ""
-        return {name: Picture.lit(hits[name], lobes, layer.settings.exposure, encoded.tokens)
+        return {name: Picture.of(hits[name], lobes, layer.settings.exposure, encoded.tokens)
                 for name, lobes in light_so_far().items()}
 
     def _encode(self, view: View):
@@ -145,8 +145,8 @@ class LayerNetwork:
             elif self._scene.negative is None:
                 lobes = encoded.lobes(view, guides, layer.with_lobes)
             else:
-                taken, given_back = self._negative_light(view, guides)
-                lobes = encoded.lobes(view, given_back, layer.with_lobes).without(taken)
+                negative, restored = self._negative_light(view, guides)
+                lobes = encoded.lobes(view, restored, layer.with_lobes).without(negative)
         if layer.light_groups:
             with layer.plan.enter(GROUPS):
                 if self._groups is None or self._groups.scene is not self._scene:
@@ -161,13 +161,13 @@ class LayerNetwork:
         The network compares traced light with an estimate of the light of other lamps.
         """
         if self._negative is None or self._negative.scene is not self._scene:
-            self._negative = LitAlone(self._renderer, self._scene, lit_by_negative(self._scene), view.longer_side)
+            self._negative = LightSubset(self._renderer, self._scene, lit_by_negative(self._scene), view.longer_side)
         follows_paths = self._layer.settings.follows_specular_paths
-        taken = self._negative.light(view, replace(guides, traced=None), follows_paths)
+        negative = self._negative.light(view, replace(guides, traced=None), follows_paths)
         if guides.traced is not None:
             bounced = self._negative.light(view, guides, follows_paths)
-            guides = replace(guides, traced=guides.traced + (taken - bounced).clip(0))
-        return taken, guides
+            guides = replace(guides, traced=guides.traced + (negative - bounced).clip(0))
+        return negative, guides
 
     def _smooth_edges(self, encoded, picture: Picture, hits: FirstHits, wraps: bool) -> Picture:
         """The same picture with smooth edges, in its light and in emission and environment too.

@@ -46,17 +46,17 @@ def composite(radiance: np.ndarray, guides: Guides, opacity: np.ndarray | None, 
     picture = np.dstack([color, alpha])
     if shadows is not None:
         bounced = (1 - shadows.share) * (radiance - guides.traced).clip(0)  # of all else, which was not traced
-        picture = np.where(shadows.share > 0, lit(shadows.passes["combined"], bounced), picture)
+        picture = np.where(shadows.share > 0, add_light(shadows.passes["combined"], bounced), picture)
     return (picture * (exposure, exposure, exposure, 1)).astype(np.float32)
 
 
 def noisy(combined: np.ndarray, rendered: dict[str, np.ndarray], exposure: float) -> np.ndarray:
     """(H, W, 4) the picture with the noise that the denoiser removed from what Cycles `rendered`."""
     noise = rendered.get("noise", np.zeros_like(combined[..., :3]))
-    return lit(combined, noise * exposure)
+    return add_light(combined, noise * exposure)
 
 
-def lit(picture: np.ndarray, radiance: np.ndarray) -> np.ndarray:
+def add_light(picture: np.ndarray, radiance: np.ndarray) -> np.ndarray:
     """(H, W, 4) a picture with more light (H, W, 3), and the same alpha."""
     return picture + np.pad(radiance, ((0, 0), (0, 0), (0, 1)))
 

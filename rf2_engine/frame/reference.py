@@ -67,9 +67,9 @@ def add(layer: Layer, pictures: dict[str, Passes], report: Report) -> int:
         with layer.plan.enter(REFERENCE):
             progress.report(0.0, f"RenderFormer 100 %, {NAME}")
             with layer.status.during_cycles("RenderFormer 100 %, Cycles {}", time_limit=chosen.time_limit) as status, \
-                    growing.announced(growing.Reference(
+                    growing.announced(growing.CyclesPicture(
                         layer.name, width, height, seconds, partial(status.samples, samples), samples, begin,
-                        *(layer.border[::2] if layer.border else (0, 0)), tuple(pictures))):
+                        *layer.corner, tuple(pictures))):
                 rendered = _render(engine, layer.depsgraph, chosen, layer.settings.threads, report)
                 if layer.status.esc_pressed():
                     samples = status.samples(chosen.samples)

@@ -126,7 +126,7 @@ def _render_passes(layer: Layer, views: dict[str, View], scene: RenderScene, fra
                 passes[name].update(combined)  # else it has no light, and nobody has seen a first picture
 
     show({name: Lobes(view_hits.preview) for name, view_hits in hits.items()})
-    pictures = {name: Picture.unlit(view_hits, exposure) for name, view_hits in hits.items()}
+    pictures = {name: Picture.without_light(view_hits, exposure) for name, view_hits in hits.items()}
     light = dict.fromkeys(hits, {})
     if any(network.can_light(view_hits.guides) for view_hits in hits.values()):
         network.load()

@@ -20,7 +20,7 @@ from ..convert.data.report import Report
 from ..convert.fitting.framing import Framing, fit_box
 from ..convert.shading.hit_materials import HitMaterials
 from ..frame import output
-from ..frame.lit_alone import LitAlone
+from ..frame.light_subset import LightSubset
 from ..frame.shot import has_left
 from ..frame_settings import FrameSettings
 from ..runtime import model_cache
@@ -64,7 +64,7 @@ class PreparedScene:
     encoded: object | None  # model.renderer.EncodedScene; None: there is nothing to light
     content: bytes          # model_cache.fingerprint
     hit_materials: HitMaterials   # of the scene
-    negative: LitAlone | None = None  # lit by lamps of negative strength, if it has any
+    negative: LightSubset | None = None  # lamps of negative strength, if it has any
 
     @property
     def is_draft(self) -> bool:
@@ -104,7 +104,7 @@ def prepare_scene(copied: CopiedScene, state: State, view: View, settings: Viewp
         with progress.part(0.5, 1.0, "Bouncing light"):
             encoded = network.encode(scene, view.longer_side, draft=True)
         if scene.negative is not None and frame.network.has_lobes:
-            negative = LitAlone(network, scene, lit_by_negative(scene), view.longer_side)
+            negative = LightSubset(network, scene, lit_by_negative(scene), view.longer_side)
     return PreparedScene(state, settings, scene, framing, encoded, content, hit_materials, negative)
 
 
@@ -140,8 +140,8 @@ def render_picture(prepared: PreparedScene, view: View, settings: ViewportSettin
             effort = QUICK if is_coarse else FULL
             radiance = prepared.encoded.view(view, guides, effort)
             if prepared.negative is not None:
-                taken = prepared.negative.light(view, guides, frame.follows_specular_paths, effort=effort)
-                radiance = (radiance - taken).clip(0)
+                negative = prepared.negative.light(view, guides, frame.follows_specular_paths, effort=effort)
+                radiance = (radiance - negative).clip(0)
     opacity = None if frame.film_transparent else np.ones_like(guides.alpha)
     return output.composite(radiance, guides, opacity, None, frame.exposure), guides.position[covered]
 

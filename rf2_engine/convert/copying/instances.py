@@ -107,7 +107,7 @@ class _Walk:
 
     def _linked_groups(self, obj) -> tuple[int, int]:
         """Those that its light falls on, and those that stop it."""
-        return tuple(bits.get(obj.original, ALL_GROUPS) for bits in (self.linking.lit, self.linking.blockers))
+        return tuple(bits.get(obj.original, ALL_GROUPS) for bits in (self.linking.lit_groups, self.linking.blockers))
 
     def _is_shown(self, instance) -> bool:
         """Evaluated once for all instances of an object by another."""

@@ -90,9 +90,9 @@ def gas_domain(obj):
 class LightLinking:
     """By original object."""
 
-    dark: set = field(default_factory=set)               # those that shine on nothing that is shown
+    dark: set = field(default_factory=set)                  # those that shine on nothing that is shown
     group: dict[object, int] = field(default_factory=dict)  # of the surfaces that all lights treat alike
-    lit: dict[object, int] = field(default_factory=dict)    # groups that a linked light lights, bits
+    lit_groups: dict[object, int] = field(default_factory=dict)  # that a linked light lights, bits
     blockers: dict[object, int] = field(default_factory=dict)  # groups that stop its light, bits
 
 
@@ -114,8 +114,9 @@ def read_light_linking(depsgraph, report) -> LightLinking:
     if len(groups) > MOST_GROUPS:
         report.approximated("Light Linking", f"{len(groups)} groups of objects are lit by different lights: those "
                                              f"after the first {MOST_GROUPS - 1} are lit as one")
+    kinds = linking.lit_groups, linking.blockers
     for i, (obj, *collections) in enumerate(linked):
-        for kind, (bits, collection) in enumerate(zip((linking.lit, linking.blockers), collections, strict=True)):
+        for kind, (bits, collection) in enumerate(zip(kinds, collections, strict=True)):
             if collection:
                 bits[obj.original] = sum({1 << number for lights, number in groups.items() if lights[2 * i + kind]})
         if collections[0] and not sets[i][0] - {obj.original}:

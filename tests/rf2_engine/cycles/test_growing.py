@@ -25,7 +25,7 @@ def looks(monkeypatch):
 
     def render(engine, depsgraph, real=cycles.engine.render):
         real(engine, depsgraph)
-        reference, ours = growing.running(), growing.running(is_beside=False)
+        reference, ours = growing.running(), growing.running(is_reference=False)
         assert reference is None or ours is None
         traced.append(ours and (ours.layer, ours.width, ours.height, ours.samples()))
         found.append((growing._growing.engine is not None, reference, reference and reference.samples()))
@@ -39,7 +39,7 @@ def test_only_the_reference_can_be_seen_while_cycles_renders_it(lit, tmp_path, l
     assert camera_rays is None and there and samples == 4
     assert reference.layer == "ViewLayer" and (reference.width, reference.height) == (50, 37)
     assert reference.target_samples == 4 and reference.our_seconds > 0
-    assert growing._growing.reference is None and growing._growing.engine is None
+    assert growing._growing.picture is None and growing._growing.engine is None
 
 
 def test_the_light_of_our_own_picture_can_be_seen_while_cycles_traces_it(lit, tmp_path, looks):
@@ -69,7 +69,7 @@ def test_the_view_of_stereoscopy_that_is_rendered_is_known(lit, tmp_path, monkey
     def look(drawable):
         with drawable:
             yield
-            found.append((growing._growing.reference is not None, growing.view()))
+            found.append((growing._growing.picture is not None, growing.view()))
     bpy.ops.render.render()
     assert [number for is_drawn, number in found if is_drawn] == [1, 1]  # ours, the reference; both views are done
     assert growing.view() == 0
@@ -83,12 +83,12 @@ def test_nothing_is_left_to_be_drawn_when_cycles_fails(lit, tmp_path, monkeypatc
             raise MemoryError
     monkeypatch.setattr(cycles.engine, "render", fail)
     press_f12(lit, tmp_path)
-    assert growing._growing.reference is None and growing._growing.engine is None
+    assert growing._growing.picture is None and growing._growing.engine is None
 
 
 def test_before_the_first_sample_there_is_nothing(lit):
     samples = [0]
-    reference = growing.Reference("ViewLayer", 50, 37, 7.24, lambda: samples[0], 128, time.perf_counter() - 12.3)
+    reference = growing.CyclesPicture("ViewLayer", 50, 37, 7.24, lambda: samples[0], 128, time.perf_counter() - 12.3)
     assert growing.running() is None and growing_reference.labels() == ("RenderFormer-V2", "Cycles")
     with growing.announced(reference):
         assert growing.running() is None and growing.size() is None
@@ -106,7 +106,7 @@ def test_a_cycles_with_another_function_is_asked_once(lit, monkeypatch, capsys):
     def draw(engine, depsgraph):
         asked.append(engine)
     monkeypatch.setattr(cycles.engine, "draw", draw)
-    reference = growing.Reference("ViewLayer", 50, 37, 1.0, lambda: 1, 2, 0.0)
+    reference = growing.CyclesPicture("ViewLayer", 50, 37, 1.0, lambda: 1, 2, 0.0)
     with growing.announced(reference), growing.drawable(lit):
         for _ in range(2):
             growing.draw(bpy.context)
