@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
 
 from renderformer_v2.model.weights.presets import BUNDLED
@@ -26,49 +27,59 @@ def open_scene(path: Path):
     return scene
 
 
-def configure(scene, engine: str, *, samples: int | None = None, resolution: tuple[int, int] | None = None,
-              weights: str | None = None, threads: int | None = None, light: str | None = None,
-              with_reference: bool = False, reference_samples: int | None = None, unclamped: bool = False,
-              device: str | None = None, precision: str | None = None, triangles: int | None = None,
-              tone_mapper: str | None = None) -> None:
-    """Choose one of ENGINES and its settings; what is None stays as it is in the file.
+@dataclass(frozen=True)
+class RenderOptions:
+    """How a scene is rendered; what is None stays as it is in the file."""
 
-    samples: of every pixel, by our engine or by Cycles. weights: BUNDLED, or a folder. light: one of
-    LIGHTS. with_reference: beside Cycles, with `reference_samples`. unclamped: Cycles keeps light that has bounced
-    as it is. device, precision: as model/renderer.py takes them, of the network. triangles: at most. tone_mapper: one
-    of TONE_MAPPERS, for PNG files.
-    """
-    scene.render.engine = ENGINES[engine]
-    if samples:
-        owner, name = (scene.cycles, "samples") if engine == "cycles" else (scene.renderformer_v2, "guide_samples")
-        setattr(owner, name, samples)
-        scene.renderformer_v2.use_adaptive_sampling = False
-    if threads:
-        scene.render.threads_mode, scene.render.threads = "FIXED", threads
-        scene.renderformer_v2.threads_mode = "AUTO"  # Blender's
-    if resolution:
-        scene.render.resolution_x, scene.render.resolution_y = resolution
+    engine: str                                # of ENGINES
+    samples: int | None = None                 # of every pixel, by our engine or by Cycles
+    resolution: tuple[int, int] | None = None
+    weights: str | None = None                 # BUNDLED, or a folder
+    threads: int | None = None
+    light: str | None = None                   # of LIGHTS
+    with_reference: bool = False               # beside Cycles, with
+    reference_samples: int | None = None       # so many samples
+    unclamped: bool = False                    # Cycles keeps light that has bounced as it is
+    device: str | None = None                  # of the network, as model/renderer.py takes it
+    precision: str | None = None               # likewise
+    triangles: int | None = None               # at most
+    tone_mapper: str | None = None             # of TONE_MAPPERS, for PNG files
+
+
+def configure(scene, options: RenderOptions) -> None:
+    """Choose an engine and its settings."""
+    ours = scene.renderformer_v2
+    scene.render.engine = ENGINES[options.engine]
+    if options.samples:
+        owner, name = (scene.cycles, "samples") if options.engine == "cycles" else (ours, "guide_samples")
+        setattr(owner, name, options.samples)
+        ours.use_adaptive_sampling = False
+    if options.threads:
+        scene.render.threads_mode, scene.render.threads = "FIXED", options.threads
+        ours.threads_mode = "AUTO"  # Blender's
+    if options.resolution:
+        scene.render.resolution_x, scene.render.resolution_y = options.resolution
         scene.render.resolution_percentage = 100
-    if weights:
-        scene.renderformer_v2.weights_source = "BUNDLED" if weights == BUNDLED else "FOLDER"
-        scene.renderformer_v2.weights_folder = os.path.abspath(weights)
-    if with_reference:
-        scene.renderformer_v2.reference.use = True
-        if reference_samples:
-            scene.renderformer_v2.reference.samples = reference_samples
-    if unclamped:
+    if options.weights:
+        ours.weights_source = "BUNDLED" if options.weights == BUNDLED else "FOLDER"
+        ours.weights_folder = os.path.abspath(options.weights)
+    if options.with_reference:
+        ours.reference.use = True
+        if options.reference_samples:
+            ours.reference.samples = options.reference_samples
+    if options.unclamped:
         scene.cycles.sample_clamp_indirect = 0
-    if triangles:
-        scene.renderformer_v2.token_budget = triangles
-    if device:
-        kind, _, card = device.partition(":")
-        scene.renderformer_v2.device, scene.renderformer_v2.card = kind, int(card) + 1 if card else 0
-    if precision:
-        scene.renderformer_v2.precision = precision
-    if light:
-        scene.renderformer_v2.light = light
-    if tone_mapper:
-        scene.view_settings.view_transform = VIEWS[tone_mapper]
+    if options.triangles:
+        ours.token_budget = options.triangles
+    if options.device:
+        kind, _, card = options.device.partition(":")
+        ours.device, ours.card = kind, int(card) + 1 if card else 0
+    if options.precision:
+        ours.precision = options.precision
+    if options.light:
+        ours.light = options.light
+    if options.tone_mapper:
+        scene.view_settings.view_transform = VIEWS[options.tone_mapper]
 
 
 def save_picture(path: Path, scene) -> None:

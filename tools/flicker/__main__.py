@@ -73,7 +73,7 @@ def _parse_arguments() -> argparse.Namespace:
 
 
 def _measure(arguments: argparse.Namespace, engine: str, **settings) -> dict:
-    """The frames of an engine, compared; settings: of tools.common.scene_file.configure."""
+    """The frames of an engine, compared; settings: of RenderOptions."""
     from .frames import read_frame, render_frames
     from .measure import measure_flicker
     frames = render_frames(arguments.scene, arguments.output.resolve(), engine, arguments.frames, arguments.degrees,

@@ -20,7 +20,7 @@ from renderformer_v2.model.pictures import linear_to_srgb
 from renderformer_v2.model.scene import View
 from renderformer_v2.model.weights.presets import weights_folder
 from tools.common.pictures import read_pass, to_bytes, write_atomically
-from tools.common.scene_file import configure, open_scene, save_picture
+from tools.common.scene_file import RenderOptions, configure, open_scene, save_picture
 
 from .measure import Frame
 
@@ -32,12 +32,12 @@ def render_frames(path: Path, output: Path, engine: str, frames: int, degrees: f
                   **settings) -> list[tuple[View, Path]]:
     """(View, file) of every frame; those that `output` holds already are not rendered again.
 
-    settings: of tools.common.scene_file.configure. Frames with other settings have another folder in `output`; the
+    settings: of RenderOptions. Frames with other settings have another folder in `output`; the
     seconds of every frame are printed. Raises what Blender raises, SceneError when there is no usable camera, and
     OSError.
     """
     scene = open_scene(path)
-    configure(scene, engine, **settings)
+    configure(scene, RenderOptions(engine, **settings))
     scene.render.use_border = False
     for layer in scene.view_layers:
         layer.use_pass_position = True

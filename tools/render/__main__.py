@@ -38,7 +38,15 @@ from tools.common.console import (
     whole_number,
 )
 from tools.common.pictures import check_output
-from tools.common.scene_file import ENGINES, FORMATS, LIGHTS, configure, open_scene, save_picture
+from tools.common.scene_file import (
+    ENGINES,
+    FORMATS,
+    LIGHTS,
+    RenderOptions,
+    configure,
+    open_scene,
+    save_picture,
+)
 from tools.common.tone_mapping import STANDARD, TONE_MAPPERS
 
 H5 = (".h5", ".hdf5")
@@ -119,11 +127,11 @@ def _run(arguments: argparse.Namespace) -> dict:
                                    arguments.tone_mapper or STANDARD)
     extension.load().register()
     scene = open_scene(arguments.scene)
-    configure(scene, arguments.engine, samples=arguments.samples, resolution=arguments.resolution,
-              weights=arguments.weights, threads=arguments.threads, with_reference=arguments.beside_cycles,
-              reference_samples=arguments.reference_samples, light=arguments.light,
-              unclamped=arguments.unclamped, device=arguments.device, precision=arguments.precision,
-              triangles=arguments.triangles, tone_mapper=arguments.tone_mapper)
+    configure(scene, RenderOptions(
+        arguments.engine, samples=arguments.samples, resolution=arguments.resolution, weights=arguments.weights,
+        threads=arguments.threads, light=arguments.light, with_reference=arguments.beside_cycles,
+        reference_samples=arguments.reference_samples, unclamped=arguments.unclamped, device=arguments.device,
+        precision=arguments.precision, triangles=arguments.triangles, tone_mapper=arguments.tone_mapper))
     if arguments.export_h5:
         from . import h5_scene
         return h5_scene.export(scene, arguments.weights, arguments.export_h5)
