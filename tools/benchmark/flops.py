@@ -14,15 +14,14 @@ from renderformer_v2.model.network.layers import nerf_width
 ENVIRONMENT_TOKENS = 2 * math.prod(ENVIRONMENT_GRID)  # LDR and HDR
 
 
-def forward_flops(config: ModelConfig, triangles: int, lights: int, resolution: int,
-                  volumes: int = 0) -> dict[str, int]:
+def forward_flops(config: ModelConfig, triangles: int, lights: int, resolution: int) -> dict[str, int]:
     """FLOPs by part, two per multiply-add, for one square view of `resolution` pixels.
 
     triangles includes the lights. Only matrix products and convolutions count; encoders of our own, which the published
     network does not have, are left out. The decoder counts its 1x1 convolutions after the resize, as published.
     """
     d, hidden = config.latent_dim, config.dim_feedforward
-    ordered = triangles - lights + volumes
+    ordered = triangles - lights
     sink = config.num_register_tokens + ENVIRONMENT_TOKENS + ordered // config.summary_block_size + lights
     length, rays = sink + ordered, (resolution // config.patch_size) ** 2
     triangle = (nerf_width(9, config.vertex_pe_num_freqs) + nerf_width(9, config.vn_pe_num_freqs) + 3

@@ -8,7 +8,7 @@ from pathlib import Path
 FRAMES_PER_SECOND = 24
 
 
-def write_video(path: Path, pictures: list[Path], rate: int = FRAMES_PER_SECOND) -> None:
+def write_video(path: Path, pictures: list[Path]) -> None:
     """An MP4 (H.264) of PNG files of one size, in this order. Raises OSError naming `path`."""
     import bpy
 
@@ -20,7 +20,7 @@ def write_video(path: Path, pictures: list[Path], rate: int = FRAMES_PER_SECOND)
         size = add_image_strip(scene, list(map(str, pictures)))
         scene.frame_start, scene.frame_end = 1, len(pictures)
         render = scene.render
-        render.fps, render.resolution_percentage = rate, 100
+        render.fps, render.resolution_percentage = FRAMES_PER_SECOND, 100
         # H.264 halves the resolution of colour, so sides are even.
         render.resolution_x, render.resolution_y = (side + side % 2 for side in size)
         scene.view_settings.view_transform = "Standard"

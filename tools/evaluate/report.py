@@ -20,6 +20,7 @@ TITLES = {  # of pictures
 }
 TEMPLATE = Path(__file__).with_name("page.html")
 OURS = "RenderFormer-V2"
+MAGMA_STOPS = 17  # of the gradient below the FLIP map
 BESIDE = {  # keys of a scene's "beside", in the order of the page
     "without_network": "without the network",
     "network_and_rays": "network and rays",
@@ -87,9 +88,9 @@ def _count_samples(key: str) -> int:
     return int(key.removeprefix(CYCLES))
 
 
-def _magma(stops: int = 17) -> str:
+def _magma() -> str:
     """The colours of the FLIP map from 0 to 1, as the stops of a CSS gradient."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 
-    return ", ".join(to_hex(colormaps["magma"](i / (stops - 1))) for i in range(stops))
+    return ", ".join(to_hex(colormaps["magma"](i / (MAGMA_STOPS - 1))) for i in range(MAGMA_STOPS))

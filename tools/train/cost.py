@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 from renderformer_v2.model.network.config import ModelConfig
 from renderformer_v2.model.weights.presets import rf2_200m
-from tools.benchmark.flops import forward_flops, stage1_flops
+from tools.benchmark.flops import forward_flops
 from tools.common.console import numbers
 
 PASSES = 3
@@ -39,12 +39,11 @@ STAGES = (PaperStage("stage1", 1024, 256, True, 4), PaperStage("stage2", 4096, 5
           PaperStage("stage5", 65536, 2048, False, 3))
 
 
-def training_flops(config: ModelConfig, triangles: int, resolution: int, *, dense: bool, views: int = 1) -> int:
-    """Operations for one scene, forward and backward."""
+def training_flops(config: ModelConfig, triangles: int, resolution: int, *, dense: bool) -> int:
+    """Operations for one scene and a view of it, forward and backward."""
     half = triangles if dense else config.local_attention_window_size_half
     flops = forward_flops(replace(config, local_attention_window_size_half=half), triangles, LIGHTS, resolution)
-    scene = stage1_flops(flops) + flops["keys_values"]
-    return PASSES * (scene + views * (sum(flops.values()) - scene))
+    return PASSES * sum(flops.values())
 
 
 def tokens(config: ModelConfig, triangles: int, resolution: int) -> tuple[int, int]:

@@ -38,6 +38,7 @@ SMALL = {"hidden_dim": 128, "num_layers": 3}
 SIZES = {"diffspec_mapper": SMALL, "metallic_mapper": SMALL, FIRST: {"hidden_dim": 256, "num_layers": 5}}
 SMOOTHNESS_WEIGHT, SMOOTHNESS_SIGMA = 2.0, 2 / 255
 LINEAR_WEIGHT = 0.05
+RISING = 0.2  # of the steps, in which the learning rate rises
 
 
 class MapperAndDecoder(nn.Module):
@@ -81,9 +82,9 @@ def fit(model: nn.Module, loss_of_batch, count: int, path: Path, *, steps: int, 
             state.save(path)
 
 
-def one_cycle(done: float, rising: float = 0.2) -> float:
+def one_cycle(done: float) -> float:
     """Share of the peak learning rate: half a cosine up, half a cosine down to zero."""
-    phase = done / rising if done < rising else 1 + (done - rising) / (1 - rising)
+    phase = done / RISING if done < RISING else 1 + (done - RISING) / (1 - RISING)
     return (1 - math.cos(math.pi * phase)) / 2
 
 

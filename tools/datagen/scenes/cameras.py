@@ -139,7 +139,7 @@ def look_at(rng: np.random.Generator, position: np.ndarray, target: np.ndarray) 
     return Matrix(pose.tolist())
 
 
-def sees_enough(pose: Matrix, angle: float, least_covered: float = LEAST_COVERED) -> bool:
+def sees_enough(pose: Matrix, angle: float, least_covered: float) -> bool:
     """Casts GRID x GRID rays: enough must hit something, some of them an object, none of them something very near."""
     scene, depsgraph = bpy.context.scene, bpy.context.evaluated_depsgraph_get()
     eye, turn, reach = pose.translation, pose.to_3x3(), np.tan(angle / 2)
