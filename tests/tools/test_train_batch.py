@@ -18,7 +18,7 @@ from renderformer_v2.model.weights.presets import BUNDLED, PRESETS
 from tests.model.samples import closed_box, floor_scene, floor_view, walls
 from tools.datagen.sample_files import save_sample
 from tools.train.augment import mirrored, resized
-from tools.train.batch import batches, embed, joined, padded_length, render_batch
+from tools.train.batch import Batching, batches, embed, joined, padded_length, render_batch
 from tools.train.captured import CapturedLosses, rebuilt, tensors_of
 from tools.train.errors import TrainingError
 from tools.train.losses import structure_loss
@@ -92,7 +92,7 @@ def test_the_loss_of_a_batch_is_the_mean_of_its_scenes_and_reaches_all_weights(s
 def test_batches_hold_views_of_one_size_and_problems_are_passed_on(tmp_path, samples):
     large = build_sample(write(tmp_path / "scene_9.npz", floor_scene(), size=128), LightInputs.SCENE)
     problem = TrainingError("none")
-    found = list(batches([samples[0], large, samples[1], problem, samples[2], large], 2, CONFIG))
+    found = list(batches([samples[0], large, samples[1], problem, samples[2], large], Batching(2, CONFIG)))
     assert [batch if batch is problem else tuple(batch.sample.image.shape) for batch in found] == [
         (2, 3, 64, 64), problem, (2, 3, 128, 128)]
     assert torch.equal(found[0].restored().sample.image[1], samples[1].image[0].half().float())

@@ -95,7 +95,7 @@ def test_data_that_gives_nothing_is_an_error_and_no_endless_wait(tmp_path, count
     if count == 0:
         (tmp_path / "data").mkdir()
     with pytest.raises(TrainingError, match=message):
-        next(stream(tmp_path / "data", tmp_path / "cache", mapper, stage, (0, 0), 0.0))
+        next(stream(tmp_path / "data", Prepared(tmp_path / "cache", mapper, stage), stage, (0, 0), 0.0))
 
 
 def test_what_the_manifest_says_of_a_sample_spares_reading_it(tmp_path):
@@ -104,7 +104,8 @@ def test_what_the_manifest_says_of_a_sample_spares_reading_it(tmp_path):
     lines = [manifest.make_entry(path) for path in sorted((tmp_path / "data").glob("scene_*.npz"))]
     lines[0]["volumes"] = True  # which is not so
     manifest.append_entries(tmp_path / "data" / "manifest_00000001.jsonl", lines)
-    samples = stream(tmp_path / "data", tmp_path / "cache", mapper, replace(STILL, volumes=False), (0, 0), 0.0)
+    stage = replace(STILL, volumes=False)
+    samples = stream(tmp_path / "data", Prepared(tmp_path / "cache", mapper, stage), stage, (0, 0), 0.0)
     plain = iter(SampleStream(tmp_path / "data", Prepared(tmp_path / "cache", mapper, STILL), ANY, (0, 0), 0.0))
     assert {float(next(samples).direct.mean()) for _ in range(4)} == {
         max(float(next(plain).direct.mean()) for _ in range(2))}
@@ -114,7 +115,7 @@ def test_a_broken_file_is_named_once_and_left_out(tmp_path, capfd):
     for seed in (1, 3):
         write(tmp_path / "data", seed)
     (tmp_path / "data" / "scene_00000002.npz").write_text("junk")
-    samples = stream(tmp_path / "data", tmp_path / "cache", mapper, ANY, (0, 0), 0.0)
+    samples = stream(tmp_path / "data", Prepared(tmp_path / "cache", mapper, ANY), ANY, (0, 0), 0.0)
     assert len({round(float(next(samples).direct.mean()), 3) for _ in range(8)}) == 2
     said = capfd.readouterr().out
     assert said.count("scene_00000002.npz cannot be read") == said.count("\n") == 1
@@ -123,7 +124,7 @@ def test_a_broken_file_is_named_once_and_left_out(tmp_path, capfd):
 def test_pictures_of_a_size_that_the_network_cannot_draw_are_left_out_with_a_remedy(tmp_path, capfd):
     write(tmp_path / "data", 1)
     write(tmp_path / "data", 2, size=96)
-    samples = stream(tmp_path / "data", tmp_path / "cache", mapper, ANY, (0, 0), 0.0)
+    samples = stream(tmp_path / "data", Prepared(tmp_path / "cache", mapper, ANY), ANY, (0, 0), 0.0)
     assert len({round(float(next(samples).direct.mean()), 3) for _ in range(4)}) == 1
     assert "96 x 96 pixels, but the network trains on multiples of 64: make others with" in capfd.readouterr().out
 
@@ -133,7 +134,7 @@ def test_nothing_but_broken_files_ends_the_run(tmp_path):
     for content in ("", "junk"):
         (tmp_path / "data" / f"scene_0000000{len(content)}.npz").write_text(content)
     with pytest.raises(TrainingError, match="none of the 2 samples of .*data can be read"):
-        next(stream(tmp_path / "data", tmp_path / "cache", mapper, ANY, (0, 0), 0.0))
+        next(stream(tmp_path / "data", Prepared(tmp_path / "cache", mapper, ANY), ANY, (0, 0), 0.0))
 
 
 @pytest.mark.parametrize("program, arguments", [
@@ -169,7 +170,8 @@ def test_a_quarter_of_all_scenes_is_given_without_traced_light_and_always_the_sa
 def test_a_folder_that_is_just_being_filled_is_waited_for(tmp_path):
     (tmp_path / "data").mkdir()
     threading.Timer(0.5, write, (tmp_path / "data", 1)).start()
-    assert next(stream(tmp_path / "data", tmp_path / "cache", mapper, ANY, (0, 0), 60.0)).image.shape == (1, 3, 64, 64)
+    samples = stream(tmp_path / "data", Prepared(tmp_path / "cache", mapper, ANY), ANY, (0, 0), 60.0)
+    assert next(samples).image.shape == (1, 3, 64, 64)
 
 
 @pytest.mark.parametrize("backbone", lpips.BACKBONES)

@@ -77,7 +77,7 @@ def measure(arguments: argparse.Namespace) -> tuple[list[dict], list[dict]]:
     return [rows[key] for key in keys if key in rows], failed
 
 
-def parse_arguments(given: list[str] | None = None) -> argparse.Namespace:
+def parse_arguments(arguments: list[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.benchmark", description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, metavar="DIR")
     parser.add_argument("--device", help="measure this device alone; needs no -o")
@@ -89,7 +89,7 @@ def parse_arguments(given: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--precision", choices=CHOICES, default="auto")
     parser.add_argument("--threads", type=int, default=0, help="of all programs (default: all cores)")
     parser.add_argument("--quick", action="store_true", help="one small point of everything, to see that it works")
-    arguments = parser.parse_args(given)
+    arguments = parser.parse_args(arguments)
     if not (arguments.output or arguments.device):
         parser.error("one of -o and --device is needed")
     if not set(arguments.presets) <= set(SUBJECTS):

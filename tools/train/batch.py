@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -65,13 +66,21 @@ def each_field(group: TensorGroup, change: Callable[[Tensor, str], Tensor]) -> T
                           None if value is None else each_field(value, change) for name, value in values.items()})
 
 
-def batches(samples: Iterable, size: int, config: ModelConfig, lengths: tuple[int, ...] = ()) -> Iterator:
-    """Of `size` samples whose views are equal in number and size, in the order in which they are complete.
+class Batching(NamedTuple):
+    """How samples are put together."""
+
+    size: int                       # scenes of a batch
+    config: ModelConfig             # of the network
+    lengths: tuple[int, ...] = ()   # to which sequences are padded, those of a batch to one; longer ones stay longer
+
+
+def batches(samples: Iterable, batching: Batching) -> Iterator:
+    """Batches of samples whose views are equal in number and size, in the order in which they are complete.
 
     They are `stored`, and have to be `restored`.
-    lengths: to which sequences are padded, those of a batch to the same; longer ones have any length.
     What is no sample, a problem that a stream yields, is passed on.
     """
+    size, config, lengths = batching
     waiting: dict[tuple, list[TrainingSample]] = {}
     for sample in samples:
         if not isinstance(sample, TrainingSample):

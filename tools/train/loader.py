@@ -11,14 +11,13 @@ import numpy as np
 import torch
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
-from renderformer_v2.model.network.config import ModelConfig
 from renderformer_v2.model.tensor_group import TensorGroup
 from tools.datagen import manifest
 from tools.datagen.sample_files import Facts, read_facts, sample_paths
 
 from . import ranks
 from .augment import augment
-from .batch import Batch, batches
+from .batch import Batch, Batching, batches
 from .config import Stage
 from .errors import SampleError, TrainingError
 from .samples import LightInputs, TrainingSample, cached_sample, seed_of, unreadable, with_latents
@@ -29,7 +28,7 @@ POLL_SECONDS = 1.0  # seconds
 class SampleStream(IterableDataset):
     """Epoch after epoch in random order; the folder is read again at every epoch.
 
-    Of `count` streams that differ in nothing but their `place` 0, 1, ... among them, each yields every count-th sample,
+    Of `count` streams that differ in nothing but their `index` 0, 1, ... among them, each yields every count-th sample,
     so together, in turn, they yield what one alone would. `seed` is the run's seed and the step at which the stream
     begins, so that a resumed run gets an order of its own.
     `patience` is how many seconds to wait for more samples when none can be used. When they have passed, the stream
@@ -38,9 +37,9 @@ class SampleStream(IterableDataset):
     """
 
     def __init__(self, folder: Path, read: Callable[[Path, torch.Generator], TensorGroup], stage: Stage,
-                 seed: tuple[int, int], patience: float, place: int = 0, count: int = 1):
+                 seed: tuple[int, int], patience: float, index: int = 0, count: int = 1):
         self.folder, self.read, self.stage = folder, read, stage
-        self.seed, self.patience, self.place, self.count = seed, patience, place, count
+        self.seed, self.patience, self.index, self.count = seed, patience, index, count
         self.unreadable: set[Path] = set()
         self.useless: set[Path] = set()  # those, and what the stage does not admit
         self.facts: dict[Path, Facts] = {}
@@ -48,8 +47,8 @@ class SampleStream(IterableDataset):
     def __iter__(self) -> Iterator[TensorGroup | TrainingError]:
         torch.set_num_threads(1)
         worker, number = get_worker_info(), -1  # of the samples of all streams
-        place, count = ((self.place + self.count * worker.id, self.count * worker.num_workers) if worker
-                        else (self.place, self.count))
+        index, count = ((self.index + self.count * worker.id, self.count * worker.num_workers) if worker
+                        else (self.index, self.count))
         order = _generator(*self.seed)
         while True:
             paths = sample_paths(self.folder)
@@ -59,7 +58,7 @@ class SampleStream(IterableDataset):
                 if not self._is_admitted(paths[i]):
                     continue
                 number += 1
-                if number % count != place:
+                if number % count != index:
                     continue
                 sample = self._sample(paths[i], _generator(*self.seed, number))
                 if sample is not None:
@@ -164,33 +163,26 @@ def light_inputs_of(path: Path, rays: float) -> LightInputs:
 class BatchStream(IterableDataset):
     """The batches of a stream."""
 
-    def __init__(self, samples: SampleStream, size: int, config: ModelConfig, lengths: tuple[int, ...] = ()):
-        self.samples, self.size, self.config, self.lengths = samples, size, config, lengths
+    def __init__(self, samples: SampleStream, batching: Batching):
+        self.samples, self.batching = samples, batching
 
     def __iter__(self) -> Iterator[Batch | TrainingError]:
-        return batches(self.samples, self.size, self.config, self.lengths)
+        return batches(self.samples, self.batching)
 
 
-def stream(folder: Path, cache: Path, mapper, stage: Stage, seed: tuple[int, int], patience: float,
-           workers: int = 1,
-           batch: tuple[int, ModelConfig, tuple[int, ...]] | None = None) -> Iterator[TrainingSample | Batch]:
-    """This process's share of a folder, for the guided network; in batches of so many scenes, for this network, with
-    sequences padded to these lengths, if `batch` says so. Raises TrainingError as `shared_stream` does."""
-    cache.mkdir(parents=True, exist_ok=True)
-    return shared_stream(folder, Prepared(cache, mapper, stage), stage, seed, patience, workers, batch)
+def stream(folder: Path, read: Callable[[Path, torch.Generator], TensorGroup], stage: Stage, seed: tuple[int, int],
+           patience: float, workers: int = 1, batching: Batching | None = None) -> Iterator[TensorGroup]:
+    """This process's share of a folder, `read` by `workers` other ones, in batches if these are asked for.
 
-
-def shared_stream(folder: Path, read: Callable[[Path, torch.Generator], TensorGroup], stage: Stage,
-                  seed: tuple[int, int], patience: float, workers: int,
-                  batch: tuple[int, ModelConfig, tuple[int, ...]] | None = None) -> Iterator[TensorGroup]:
-    """This process's share of a folder, `read` by `workers` other ones. Raises TrainingError without any of use."""
+    Raises TrainingError without any sample of use.
+    """
     if not folder.is_dir():
         raise TrainingError(f"there is no folder {folder}: check --data, "
                             f"or make samples with python -m tools.datagen {folder}")
     samples = SampleStream(folder, read, stage, seed, patience, ranks.rank(), ranks.count())
-    dataset = BatchStream(samples, *batch) if batch else samples
-    pins = batch is not None and torch.cuda.is_available()
-    if batch:  # whose tensors would need more open files than a process may have
+    dataset = BatchStream(samples, batching) if batching else samples
+    pins = batching is not None and torch.cuda.is_available()
+    if batching:  # whose tensors would need more open files than a process may have
         torch.multiprocessing.set_sharing_strategy("file_system")
     for sample in DataLoader(dataset, batch_size=None, num_workers=workers, prefetch_factor=4, pin_memory=pins):
         if isinstance(sample, TrainingError):

@@ -174,9 +174,9 @@ def train(args: argparse.Namespace) -> None:
         model = load_component(MaterialAutoencoder, args.autoencoder / "material_autoencoder")
     else:
         model, mapper = MaterialAutoencoder(**AUTOENCODER), new_mapper(FIRST)
-        seen = [tensor[HELD_OUT:] for tensor in spheres[FIRST]]
-        train_mapper(mapper, model, *seen, args.work, args.mapper_steps)
-        train_encoder(mapper, model, *seen, args.work, args.encoder_steps)
+        training = [tensor[HELD_OUT:] for tensor in spheres[FIRST]]
+        train_mapper(mapper, model, *training, args.work, args.mapper_steps)
+        train_encoder(mapper, model, *training, args.work, args.encoder_steps)
         if ranks.is_first():
             save(model, args.out / "material_autoencoder", AUTOENCODER)
         finish(FIRST, mapper, model, spheres, args.out)

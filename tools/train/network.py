@@ -25,11 +25,11 @@ from renderformer_v2.model.weights.checkpoint import save_network
 from tools.common.console import whole_number
 
 from . import ranks
-from .batch import Batch, embed, render_batch
+from .batch import Batch, Batching, embed, render_batch
 from .captured import CapturedLosses
 from .config import Stage, TrainConfig, iterate_stages
 from .errors import TrainingError
-from .loader import stream
+from .loader import Prepared, stream
 from .losses import image_loss, lobe_loss, perceptual_term
 from .run import add_arguments, run, run_command
 from .samples import TrainingSample, with_latents
@@ -94,9 +94,10 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
     captured = CapturedLosses(model, partial(embedded_loss, model, perceptual=perceptual), lengths) if lengths else None
 
     def scenes(stage: Stage) -> Iterator[TrainingSample | Batch]:
-        batch = (options.batch, model.config, lengths) if is_batched else None
-        return stream(options.data, options.cache, None if is_batched else mapper, stage, (options.seed, state.step),
-                      options.wait * 60, options.workers, batch)
+        read = Prepared(options.cache, None if is_batched else mapper, stage)
+        batching = Batching(options.batch, model.config, lengths) if is_batched else None
+        return stream(options.data, read, stage, (options.seed, state.step), options.wait * 60, options.workers,
+                      batching)
 
     def losses(sample: TrainingSample | Batch) -> dict[str, torch.Tensor]:
         if is_batched:

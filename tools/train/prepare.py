@@ -44,7 +44,6 @@ def main() -> int:
     parser.add_argument("--processes", type=whole_number(0), default=0, help="0 = one per core")
     options = parser.parse_args()
     cache, done, end = options.cache or options.data.parent / "cache", set(), time.monotonic() + 60 * options.minutes
-    cache.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(options.processes or os.cpu_count()) as pool:
         while True:
             paths = [path for path in sample_paths(options.data) if path not in done]

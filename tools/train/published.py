@@ -29,7 +29,7 @@ from renderformer_v2.model.weights.files import FORMAT
 from . import ranks
 from .config import Stage, TrainConfig, iterate_stages
 from .errors import TrainingError
-from .loader import shared_stream
+from .loader import stream
 from .losses import log_radiance, paper_loss, perceptual_term
 from .new_bundle import WEIGHTS, new_transformer
 from .published_draw import Drawn
@@ -74,7 +74,7 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
             write_config(bundle / variant, network.config)
 
     def scenes(stage: Stage) -> Iterator[PublishedSample]:
-        return shared_stream(options.data, Drawn(encoded, stage, side, config.offset), stage,
+        return stream(options.data, Drawn(encoded, stage, side, config.offset), stage,
                              (options.seed, state.step), 0.0, options.workers)
 
     run(state, config, options, iterate_stages(config, state, scenes),

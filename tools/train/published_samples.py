@@ -86,7 +86,6 @@ class Encoded:
 
     def __init__(self, cache: Path, pipeline: PublishedPipeline, copies: int = 1):
         self.cache, self.by, self.copies = cache, pipeline.encoder.images.identity.hex(), copies
-        cache.mkdir(parents=True, exist_ok=True)
 
     def prepare(self, folder: Path, pipeline: PublishedPipeline) -> None:
         """Make what is missing, each process its share, for all. A file of no use is named and left out."""

@@ -41,11 +41,7 @@ def run(state: TrainingState, config: TrainConfig, options: argparse.Namespace, 
     Raises TrainingError when training has gone wrong, or when a step is no whole number of batches.
     """
     device, saved = torch.device(options.device), options.out / "state.safetensors"
-    scenes_per_step = ranks.share(options.scenes_per_step or config.scenes_per_step, "--scenes-per-step")
-    if scenes_per_step % batch:
-        raise TrainingError(f"a step of {scenes_per_step} scenes is no whole number of batches of {batch}: change "
-                            "--batch or --scenes-per-step")
-    samples_per_step = scenes_per_step // batch
+    samples_per_step = _count_samples(options.scenes_per_step or config.scenes_per_step, batch)
     options.out.mkdir(parents=True, exist_ok=True)
     resume(state, saved)
     if options.compile:
@@ -65,17 +61,9 @@ def run(state: TrainingState, config: TrainConfig, options: argparse.Namespace, 
             write_weights()
 
     while rate_share := ranks.broadcast(_remaining_share(options, state.step, time.monotonic() - begin)):
-        rate = config.rate(state.step) * rate_share
-        scene_losses = []
-        for i in range(samples_per_step):
-            sample = next(scenes).to(device, non_blocking=True)
-            with ranks.accumulating(compute_losses, last=i == samples_per_step - 1):
-                with torch.autocast(device.type, precision, enabled=precision != torch.float32):
-                    scene_losses.append(compute_losses(sample))
-                (scene_losses[-1]["total"] / samples_per_step).backward()
-        losses = ranks.compute_means({
-            name: sum(losses[name].detach() for losses in scene_losses) / samples_per_step for name in scene_losses[0]})
-        if state.advance(rate, config.clip_norm):
+        samples = (next(scenes).to(device, non_blocking=True) for _ in range(samples_per_step))
+        losses = _accumulate_gradients(samples, samples_per_step, compute_losses, device, precision)
+        if state.advance(config.rate(state.step) * rate_share, config.clip_norm):
             log.add(losses)
             if state.step % options.log_every == 0:
                 log.write(state.step, skipped=state.skipped)
@@ -87,6 +75,28 @@ def run(state: TrainingState, config: TrainConfig, options: argparse.Namespace, 
     if log.count:
         log.write(state.step, skipped=state.skipped)
     save()
+
+
+def _count_samples(scenes_per_step: int, batch: int) -> int:
+    """Samples of so many scenes each that this process draws for a step."""
+    scenes = ranks.share(scenes_per_step, "--scenes-per-step")
+    if scenes % batch:
+        raise TrainingError(f"a step of {scenes} scenes is no whole number of batches of {batch}: change --batch or "
+                            "--scenes-per-step")
+    return scenes // batch
+
+
+def _accumulate_gradients(samples: Iterator, count: int, compute_losses: Callable[..., dict[str, Tensor]],
+                          device: torch.device, precision: torch.dtype) -> dict[str, float]:
+    """Propagate the mean loss of `count` samples back; returns the mean losses of all processes."""
+    sample_losses = []
+    for i, sample in enumerate(samples):
+        with ranks.accumulating(compute_losses, last=i == count - 1):
+            with torch.autocast(device.type, precision, enabled=precision != torch.float32):
+                sample_losses.append(compute_losses(sample))
+            (sample_losses[-1]["total"] / count).backward()
+    return ranks.compute_means({
+        name: sum(losses[name].detach() for losses in sample_losses) / count for name in sample_losses[0]})
 
 
 def resume(state: TrainingState, saved: Path) -> None:

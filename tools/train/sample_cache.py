@@ -40,8 +40,9 @@ def load_or_make(file: Path, key: str, make: Callable[[], object], kinds: dict[s
 def make_if_missing(file: Path, key: str, make: Callable[[], object]) -> None:
     """As `load_or_make`, without reading the file."""
     if not is_current(file, key):
-        temporary = file.with_suffix(f".{os.getpid()}.tmp")
-        save_file(_flatten(make()), temporary, metadata={"key": key})
+        group, temporary = make(), file.with_suffix(f".{os.getpid()}.tmp")
+        file.parent.mkdir(parents=True, exist_ok=True)
+        save_file(_flatten(group), temporary, metadata={"key": key})
         temporary.replace(file)
 
 

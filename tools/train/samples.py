@@ -90,8 +90,8 @@ def build_sample(path: Path, light_inputs: LightInputs = LightInputs.TRACED) -> 
                for t in zip(*targets, strict=True))
     view = stacked(inputs)
     targets = (t * view.exposure.view(-1, *[1] * (t.ndim - 1)) for t in targets)
-    told = direct if light_inputs is LightInputs.SCENE else None
-    return TrainingSample(guided_inputs(normalized, CONFIG, direct=told), view, *targets)
+    closed_form = direct if light_inputs is LightInputs.SCENE else None
+    return TrainingSample(guided_inputs(normalized, CONFIG, direct=closed_form), view, *targets)
 
 
 def seed_of(path: Path, *of: int) -> np.random.Generator:
