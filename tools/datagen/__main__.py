@@ -19,6 +19,7 @@ import sys
 import time
 import traceback
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,11 +33,18 @@ DARKEST, BRIGHTEST = 0.03, 1.5  # mean of a view's median over covered pixels
 ATTEMPTS = 8
 
 
-def generate(out: Path, seeds: range, of_all: SampleCounts, *, profile: str, views: int, threads: int,
-             resolution: int | None = None, triangles: int | None = None) -> int:
+class Recipe(NamedTuple):
+    """How random scenes are made."""
+
+    profile: str
+    views: int
+    resolution: int | None  # pixels, both sides; None: the scene's own
+    triangles: int | None   # of a scene at most; None likewise
+
+
+def generate(out: Path, seeds: range, of_all: SampleCounts, recipe: Recipe, threads: int) -> int:
     """Make the samples that are missing in `out`; a seed that fails is reported. Returns how many failed.
 
-    resolution: pixels, triangles: the most of a scene; in place of the scenes' own.
     Raises OSError when `out` cannot be written.
     """
     from . import render_sample
@@ -51,7 +59,7 @@ def generate(out: Path, seeds: range, of_all: SampleCounts, *, profile: str, vie
             continue
         counts = of_all.of_seed(seed)
         try:
-            sample, attempt = make_sample(seed, counts, profile, views, resolution, triangles)
+            sample, attempt = make_sample(seed, counts, recipe)
         except Exception:  # one odd scene must not end a run of days
             print(f"seed {seed} failed:", traceback.format_exc(), sep="\n")
             failed += 1
@@ -66,19 +74,19 @@ def generate(out: Path, seeds: range, of_all: SampleCounts, *, profile: str, vie
     return failed
 
 
-def make_sample(seed: int, counts: SampleCounts, profile: str, views: int, resolution: int | None,
-                triangles: int | None):
+def make_sample(seed: int, counts: SampleCounts, recipe: Recipe):
     """The first well exposed `render_sample.Sample` of a seed, or the last, and the number of attempts before it."""
     from . import render_sample
     from .scenes import generator
 
+    profile = recipe.profile
     if profile == "mixed":
         profile = "full" if seed % 3 else "simple"
     for attempt in range(ATTEMPTS):
         is_last = attempt == ATTEMPTS - 1
-        setup = generator.build_scene((seed, attempt), profile, views, triangles)
-        if resolution:
-            setup = setup._replace(resolution=resolution)
+        setup = generator.build_scene((seed, attempt), profile, recipe.views, recipe.triangles)
+        if recipe.resolution:
+            setup = setup._replace(resolution=recipe.resolution)
         sample = render_sample.make_sample(
             setup, counts, lambda passes, is_last=is_last: is_last or is_well_exposed(passes["combined"]))
         if sample is not None:
@@ -92,6 +100,12 @@ def is_well_exposed(combined: np.ndarray) -> bool:
 
 
 def main() -> int:
+    args = parse_arguments()
+    counts = SampleCounts(args.samples, args.equal, args.hints, args.most_hints or args.hints)
+    return sample_blend_files(args, counts) if args.blend else sample_random_scenes(args, counts)
+
+
+def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.datagen", description=__doc__)
     parser.add_argument("out", type=Path, metavar="OUT_DIR")
     parser.add_argument("--blend", type=Path, nargs="+", metavar="FILE", help="your own scenes in place of random ones")
@@ -123,11 +137,13 @@ def main() -> int:
                         help="of each process; 0 = an equal share of the cores")
     parser.add_argument("--part", type=int, default=0, help=argparse.SUPPRESS)
     args = parser.parse_args()
-    counts = SampleCounts(args.samples, args.equal, args.hints, args.most_hints or args.hints)
-    if args.blend:
-        return sample_blend_files(args, counts)
-    if args.scenes is None or args.first_seed is None:
+    if not args.blend and (args.scenes is None or args.first_seed is None):
         parser.error("either --blend, or --scenes and --first-seed are needed")
+    return args
+
+
+def sample_random_scenes(args: argparse.Namespace, counts: SampleCounts) -> int:
+    """Samples of random scenes, by several processes. Returns the exit status."""
     try:
         OWN_FILES.use_folders(args.hdris, args.meshes, args.textures, args.own, args.open_meshes)
     except ValueError as error:
@@ -139,10 +155,10 @@ def main() -> int:
         return share_out(processes, args.threads or -(-(os.cpu_count() or 1) // processes))
     silence_blender()
     first = args.first_seed + max(args.part - 1, 0)
+    recipe = Recipe(args.profile, args.views or 2, args.resolution, args.triangles)
     seeds = range(first, args.first_seed + args.scenes, processes)
     try:
-        failed = generate(args.out, seeds, counts, profile=args.profile, views=args.views or 2, threads=args.threads,
-                          resolution=args.resolution, triangles=args.triangles)
+        failed = generate(args.out, seeds, counts, recipe, args.threads)
     except OSError as error:
         return report_unwritable(args.out, error)
     return 1 if failed else 0
