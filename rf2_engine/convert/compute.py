@@ -69,16 +69,10 @@ def compute(copied: CopiedScene, view: View | None, options: ConversionOptions, 
     scene.negative = plan.negative
     with progress.part(0.9, 1.0, "Converting volumes"):
         scene.volumes, scene.fire = medium.cells(collected.media, report), fire_of(collected.media)
-    scene.environment, scene.box = plan.sky.environment, plan.framing.box
-    if plan.sky.others:
-        scene.other_rays = np.uint8(list(plan.sky.others))
-        scene.other_environments = np.stack(list(plan.sky.others.values()))
-    if copied.world is not None and copied.world.hidden:
-        scene.environment_hidden = np.uint8([copied.world.hidden])
+    _add_world(scene, copied, plan.sky)
+    scene.box = plan.framing.box
     scene.bounces = None if copied.bounces == BOUNCES else np.int32(copied.bounces)
     scene.caustics = None if all(copied.caustics) else np.array(copied.caustics)
-    if copied.world_light_group:
-        scene.environment_group = np.array([copied.world_light_group], np.int32)
     scene.exposure = np.ones(1, np.float32) if options.as_is else None
     scene = scene if options.as_is else with_glow(scene)
     scene.validate()
@@ -88,6 +82,17 @@ def compute(copied: CopiedScene, view: View | None, options: ConversionOptions, 
         scene_rays(scene, cache.trees)
         cache.end()
     return scene
+
+
+def _add_world(scene: RenderScene, copied: CopiedScene, sky: WorldLight) -> None:
+    scene.environment = sky.environment
+    if sky.others:
+        scene.other_rays = np.uint8(list(sky.others))
+        scene.other_environments = np.stack(list(sky.others.values()))
+    if copied.world is not None and copied.world.hidden:
+        scene.environment_hidden = np.uint8([copied.world.hidden])
+    if copied.world_light_group:
+        scene.environment_group = np.array([copied.world_light_group], np.int32)
 
 
 def find_framing(copied: CopiedScene, view: View, options: ConversionOptions) -> Framing:

@@ -16,6 +16,7 @@ from .sampling import thin_pieces
 
 COARSEST = 8            # no mesh is simplified further, unless it has fewer triangles to begin with
 KEPT_WHOLE = 64         # a mesh this small keeps all its triangles as long as the budget allows
+ALIGNED = 0.7           # cosine between the normals of a triangle and of the fin that it approximates, at least
 SEAMS = 0.1             # largest share of the edges at UV seams that is preserved
 
 
@@ -27,20 +28,11 @@ def simplify(mesh: TriangleMesh, target: int, lens=None) -> TriangleMesh:
     if len(mesh) <= target:
         return mesh
     progress.report(0.0)
-    welded = weld(mesh.corners)
-    some = thin_pieces(mesh, *welded, target, lens)
-    if some is not mesh:
-        mesh, welded = some, weld(some.corners)
-        if len(mesh) <= target:
-            return mesh
-    if len(mesh) > MANY * target:
-        points, faces = welded
-        chosen, faces, rows = without_detail(points if lens is None else lens.enter(points), faces, target)
-        mesh, welded = mesh.take(rows), (points[chosen], faces)
-        if len(mesh) <= target:
-            return mesh
+    mesh, points, faces = _thinned(mesh, target, lens)
+    if len(mesh) <= target:
+        return mesh
     with progress.part(0.05, 0.15):
-        points, faces, owner = _with_fins(*welded, mesh)
+        points, faces, owner = _with_fins(points, faces, mesh)
     with progress.part(0.15, 0.3):
         surface = NearestTriangles(points, faces)
     progress.report(0.3)
@@ -57,15 +49,28 @@ def simplify(mesh: TriangleMesh, target: int, lens=None) -> TriangleMesh:
         progress.report(0.0)
         nearest = _nearest(corners, surface)
     progress.report(0.95)
-    centre, face = nearest[:, 3], meshes.face_normals(corners)
-    there = meshes.face_normals(points[faces[centre]])
-    fin = (centre >= len(mesh)) & (np.abs((there * face).sum(axis=1)) > 0.7)
+    centre = nearest[:, 3]
+    aligned = np.abs((meshes.face_normals(points[faces[centre]]) * meshes.face_normals(corners)).sum(axis=1))
+    fin = (centre >= len(mesh)) & (aligned > ALIGNED)
     # Separate pieces are never merged: if that leaves too many triangles, the largest are kept.
     rows = np.argsort(np.where(fin, 0, -meshes.areas(corners)), kind="stable")[:min(target, np.count_nonzero(~fin))]
     if len(rows) == 0:
         return mesh.take(np.argsort(-meshes.areas(mesh.corners), kind="stable")[:target])
     rows.sort()
     return _with_attributes(corners[rows], mesh, owner[nearest[rows]])
+
+
+def _thinned(mesh: TriangleMesh, target: int, lens) -> tuple[TriangleMesh, np.ndarray, np.ndarray]:
+    """The mesh without pieces and detail that are far too small for `target` triangles, and its points and faces as of
+    `weld`."""
+    points, faces = weld(mesh.corners)
+    thinned = thin_pieces(mesh, points, faces, target, lens)
+    if thinned is not mesh:
+        mesh, (points, faces) = thinned, weld(thinned.corners)
+    if len(mesh) > MANY * target:
+        chosen, faces, rows = without_detail(points if lens is None else lens.enter(points), faces, target)
+        mesh, points = mesh.take(rows), points[chosen]
+    return mesh, points, faces
 
 
 def weld(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
