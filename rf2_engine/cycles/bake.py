@@ -127,7 +127,7 @@ class Baker:
             output_lines += [line] if line else []
 
 
-class Promise:
+class UnavailableBaker:
     """Replaces a Baker where nothing is rendered."""
 
     def prepare(self) -> None:

@@ -15,24 +15,9 @@ from ..convert.data.report import Report
 from ..runtime import failure
 from . import background as background_cycles
 from . import growing
-
-SIMULATIONS = "CLOTH", "COLLISION", "DYNAMIC_PAINT", "FLUID", "SOFT_BODY"  # types of modifiers
+from .evaluated_scene import loses_modifiers, survives
 
 Passes = dict[str, np.ndarray]  # of one view: {key: (H, W, C) f32}, row 0 on top
-
-
-@contextmanager
-def keep_scene(engine: bpy.types.RenderEngine, runs_twice: bool):
-    """Inside, if `runs_twice`, the evaluated scene survives Cycles, which can then run twice in one `engine.render`.
-
-    Cycles asks Blender to free it as soon as it has its own copy. Blender does not where Persistent Data is on, nor for
-    an engine with a GPU context; that flag is looked at afresh each time, and we need no context.
-    """
-    engine.bl_use_gpu_context, engine.emptied = runs_twice, False
-    try:
-        yield
-    finally:
-        engine.bl_use_gpu_context = False
 
 
 class CyclesFailed(Exception):
@@ -48,49 +33,13 @@ def _cycles_errors():
         raise CyclesFailed(str(error)) from error
 
 
-def renew(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
-    """Evaluate again what the last run has left of the objects, if need be, inside `keep_scene`.
-
-    Where nobody looks at the scene meanwhile Cycles throws away what modifiers made of objects, and a second run would
-    show them without their modifiers.
-    """
-    if engine.emptied:
-        engine.emptied = False
-        for evaluated in depsgraph.objects:
-            if not _is_simulated(evaluated.original):
-                evaluated.original.update_tag(refresh={"DATA"})
-        scene = depsgraph.scene_eval
-        # A mere update would leave what is copied anew as the originals are: at the frame before an animation.
-        evaluate_at(engine, depsgraph, scene.frame_current, scene.frame_subframe)
-
-
-def _is_simulated(thing: bpy.types.Object) -> bool:
-    """Whether an object is evaluated again with time, without a tag, after which Blender would throw away simulations
-    that are not baked, from disk too; one that others collide with would hand the tag on to them.
-    """
-    particles = any(system.settings.type != "HAIR" or system.use_hair_dynamics for system in thing.particle_systems)
-    is_field = thing.field is not None and thing.field.type != "NONE"
-    return particles or is_field or any(modifier.type in SIMULATIONS for modifier in thing.modifiers)
-
-
-def evaluate_at(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, frame: int, subframe: float) -> None:
-    """Evaluate the scene that is rendered at another time.
-
-    Blender's function moves the user's scene along, which a timeline would show for as long as a picture takes.
-    """
-    users = depsgraph.scene
-    frame_of_users, subframe_of_users = users.frame_current, users.frame_subframe
-    engine.frame_set(frame, subframe)
-    users.frame_current, users.frame_subframe = frame_of_users, subframe_of_users
-
-
 def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
         requested: list[pass_table.Pass], changes: list, report: Report, partial: bool = False) -> dict[str, Passes]:
     """Render the view layer of `depsgraph`, called `layer`, with its settings as they are.
 
     Returns the `requested` passes by view, which is "" without stereoscopy; the result of `engine` must have them.
-    Where Cycles cannot be run inside Blender, a Blender in the background renders, with the `changes` that `overrides`
-    made to the settings, and the report says so.
+    Where Cycles cannot be run inside Blender, a Blender in the background renders, with the `changes` of the
+    settings (overrides.py), and the report says so.
     After Esc it raises RenderCancelled; if `partial`, it returns what was rendered so far instead.
     Raises SceneError when Cycles stops with an error.
     """
@@ -114,7 +63,7 @@ def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: s
 def run_inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
            requested: list[pass_table.Pass], partial: bool = False) -> dict[str, Passes]:
     """As `run`, but raises CyclesFailed where Cycles fails, and passes may be missing."""
-    emptied = _loses_modifiers(engine, depsgraph)
+    has_lost_modifiers = loses_modifiers(engine, depsgraph)
     denoised = pass_table.is_denoised(depsgraph.view_layer_eval, depsgraph.scene_eval)
     with _with_our_passes(engine, depsgraph, layer), _session(engine) as cycles_engine:
         with _cycles_errors():
@@ -126,7 +75,7 @@ def run_inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, l
                 raise RenderCancelled()
             cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
         rendered = _read(engine.get_result(), layer, requested, denoised)
-    engine.emptied = emptied
+    engine.has_lost_modifiers = has_lost_modifiers
     return rendered
 
 
@@ -152,56 +101,12 @@ def _run_outside(engine, job, requested, why: Exception, report: Report, partial
 
 
 @contextmanager
-def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
-    """A function that sets properties of evaluated data, given by dotted path; they are put back in the end.
-
-    The user's scene never sees it: it is the evaluated copy that Cycles reads. Its attribute `changes` lists what was
-    set, as background_cycles.describe_change returns it.
-    """
-    renew(engine, depsgraph)  # now, for it undoes whatever is set
-    saved, changes, survives = [], [], _survives(engine, depsgraph)
-
-    def override(data: bpy.types.ID, settings: dict[str, object]) -> None:
-        for path, value in settings.items():
-            owner, name = _owner(data, path)
-            if hasattr(owner, name):  # Cycles' settings come and go with Blender's version
-                before = getattr(owner, name)
-                saved.append((data, path, _copy(before)))
-                setattr(owner, name, value)
-                changes.append(background_cycles.describe_change(data, path, value))
-    override.changes = changes
-    try:
-        yield override
-    finally:
-        if survives:
-            for data, path, value in reversed(saved):
-                owner, name = _owner(data, path)  # motion blur evaluates the scene anew, which moves what is in it
-                setattr(owner, name, value)
-
-
-def _survives(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> bool:
-    """Whether the evaluated scene will be there after a run: to touch one that has gone crashes."""
-    return engine.bl_use_gpu_context or depsgraph.scene_eval.render.use_persistent_data
-
-
-def _copy(value):
-    if isinstance(value, bpy.types.bpy_prop_array):
-        return tuple(value)
-    return value.copy() if hasattr(value, "copy") else value
-
-
-def _owner(data: bpy.types.ID, path: str) -> tuple[bpy.types.bpy_struct, str]:
-    parent, _, name = path.rpartition(".")
-    return data.path_resolve(parent) if parent else data, name
-
-
-@contextmanager
 def _with_our_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str):
     """Inside, those of our own passes that Cycles does not know are AOVs of the evaluated view layer.
 
     No shader writes to them. Without them Cycles prints an error for each, once per run.
     """
-    survives, aovs = _survives(engine, depsgraph), depsgraph.view_layer_eval.aovs
+    is_kept, aovs = survives(engine, depsgraph), depsgraph.view_layer_eval.aovs
     names = dict.fromkeys(p.name for p in engine.get_result().layers[layer].passes)  # each view has one of that name
     added = [name for name in names if name in pass_table.REFERENCE_NAMES and name not in aovs]
     for name in added:
@@ -209,7 +114,7 @@ def _with_our_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgr
     try:
         yield
     finally:
-        if survives:
+        if is_kept:
             aovs = depsgraph.view_layer_eval.aovs  # motion blur evaluates the scene anew
             for name in added:
                 if name in aovs:
@@ -229,13 +134,6 @@ def _session(engine: bpy.types.RenderEngine):
         with _cycles_errors():
             cycles_engine.free(engine)
         engine.session = None
-
-
-def _loses_modifiers(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> bool:
-    """Whether a run leaves objects without what modifiers made of them, in a scene that is kept."""
-    settings = depsgraph.scene_eval.render
-    unwatched = bpy.app.background or settings.use_lock_interface
-    return engine.bl_use_gpu_context and unwatched and not settings.use_persistent_data
 
 
 def _read(result: bpy.types.RenderResult, layer: str, requested: list[pass_table.Pass],

@@ -3,7 +3,7 @@
 
 Cycles computes the passes that our render result has and obeys render border, resolution percentage, view layer,
 overrides and Esc by itself. It frees the evaluated scene when it ends (unless Persistent Data is on, or inside
-`run.keep_scene`), so everything else must be read from the depsgraph before `render_views`.
+`keep_scene`), so everything else must be read from the depsgraph before `render_views`.
 """
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from .. import passes as pass_table
 from ..convert.data.report import Report
 from ..frame_settings import Light
 from ..setup import packages
-from .run import Passes, overrides, run
+from .overrides import overrides
+from .run import Passes, run
 from .session_options import SessionOptions
 from .session_overrides import prepare_scene
 from .session_passes import make_finite, separate_light

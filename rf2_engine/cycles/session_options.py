@@ -10,6 +10,7 @@ from .. import compat
 from .. import passes as pass_table
 from ..frame_settings import Light
 from ..sampling import Sampling
+from .overrides import Overrides
 
 
 class Catchers(Enum):
@@ -32,7 +33,7 @@ class CameraModel(NamedTuple):
     transparent_glass: bool = False  # the film is transparent behind glass too
     opaque_film: bool = False        # alpha is 1, but for holdouts
     catchers: Catchers = Catchers.SHOWN
-    move_cameras: Callable[[Callable], None] | None = None  # called with the function of run.overrides
+    move_cameras: Callable[[Overrides], None] | None = None
 
     @property
     def is_blurred(self) -> bool:

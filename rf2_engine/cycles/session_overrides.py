@@ -9,6 +9,7 @@ import bpy
 from .. import compat
 from ..convert.copying.visibility import catching_hosts, shadow_catchers
 from ..frame_settings import Light
+from .overrides import Overrides
 from .session_options import CameraModel, Catchers, SessionOptions
 
 ALWAYS = {
@@ -51,8 +52,8 @@ _WORLD_UNLIT = {f"cycles_visibility.{ray}": False for ray in ("diffuse", "glossy
 
 
 def prepare_scene(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, options: SessionOptions,
-                  override) -> None:
-    """Set the scene up for a session; `override` is the function of run.overrides."""
+                  override: Overrides) -> None:
+    """Set the scene up for a session."""
     scene, camera = depsgraph.scene_eval, options.camera
     override(scene, ALWAYS | options.sampling.cycles_settings(scene.cycles.film_exposure) | {
         "cycles.tile_size": _tile_size(engine, depsgraph, options), "cycles.use_denoising": options.denoise,
@@ -85,7 +86,7 @@ def _tile_size(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, o
     return ALWAYS["cycles.tile_size"] if is_quick or on_gpu else math.isqrt(tile)
 
 
-def _set_camera(depsgraph: bpy.types.Depsgraph, model: CameraModel, override) -> None:
+def _set_camera(depsgraph: bpy.types.Depsgraph, model: CameraModel, override: Overrides) -> None:
     scene, layer = depsgraph.scene_eval, bpy.utils.escape_identifier(depsgraph.view_layer_eval.name)
     override(scene, {"cycles.rolling_shutter_type": "NONE"})
     if not model.motion_blur:
@@ -97,7 +98,7 @@ def _set_camera(depsgraph: bpy.types.Depsgraph, model: CameraModel, override) ->
         model.move_cameras(override)
 
 
-def _set_catchers(depsgraph: bpy.types.Depsgraph, catchers: Catchers, override) -> None:
+def _set_catchers(depsgraph: bpy.types.Depsgraph, catchers: Catchers, override: Overrides) -> None:
     if catchers is Catchers.CATCH:
         return
     if catchers is Catchers.CUT:
@@ -107,7 +108,7 @@ def _set_catchers(depsgraph: bpy.types.Depsgraph, catchers: Catchers, override) 
         override(evaluated, {"is_shadow_catcher": False})
 
 
-def _leave_out_light(depsgraph: bpy.types.Depsgraph, override, occluding: bool) -> None:
+def _leave_out_light(depsgraph: bpy.types.Depsgraph, override: Overrides, occluding: bool) -> None:
     """`occluding`: ambient occlusion is requested, whose rays are shadow rays."""
     override(depsgraph.scene_eval, FIRST_HITS_ONLY)
     if world := compat.world(depsgraph):
@@ -116,7 +117,7 @@ def _leave_out_light(depsgraph: bpy.types.Depsgraph, override, occluding: bool) 
         override(evaluated, _UNLIT | ({"visible_shadow": evaluated.visible_shadow} if occluding else {}))
 
 
-def hide_all(depsgraph: bpy.types.Depsgraph, override) -> None:
+def hide_all(depsgraph: bpy.types.Depsgraph, override: Overrides) -> None:
     """No ray meets any object, and Cycles does not even read them."""
     for evaluated in _objects(depsgraph):
         override(evaluated, _UNLIT | {"visible_camera": False})

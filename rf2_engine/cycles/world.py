@@ -31,7 +31,9 @@ from ..registering import handlers
 from . import background as background_cycles
 from . import run as cycles_run
 from . import session_overrides
+from .evaluated_scene import restore_objects
 from .fingerprint import describe_world, node_trees
+from .overrides import Overrides, overrides
 
 _SETTINGS = {"cycles.pixel_filter_type": "BOX", "cycles.filter_width": 1.0, "cycles.use_denoising": False,
              "render.film_transparent": False}
@@ -70,7 +72,7 @@ class CyclesWorld:
             return None
         finally:
             pass_table.write(self.engine, self.depsgraph.view_layer_eval.name, {})  # no panorama is left in the picture
-            cycles_run.renew(self.engine, self.depsgraph)
+            restore_objects(self.engine, self.depsgraph)
         if drawn is not None:
             _panoramas[key] = drawn
         return drawn
@@ -111,7 +113,7 @@ class CyclesWorld:
         samples = (RAYS_OF_SUN if with_discs else RAYS) // max(engine.resolution_x * engine.resolution_y, 1)
         had_context, engine.bl_use_gpu_context = engine.bl_use_gpu_context, True
         try:
-            with cycles_run.overrides(engine, depsgraph) as override:
+            with overrides(engine, depsgraph) as override:
                 override(depsgraph.scene_eval, session_overrides.ALWAYS | session_overrides.FIRST_HITS_ONLY | _SETTINGS
                          | {"cycles.samples": int(np.clip(samples, 1, MOST_SAMPLES))})
                 if not _isolate(compat.world(depsgraph), ray, with_discs, override):
@@ -137,7 +139,7 @@ class CyclesWorld:
 
 
 @dataclass
-class ExpectedWorld:
+class PlaceholderWorld:
     """Takes the place of a CyclesWorld where nothing is rendered: only the report is right."""
 
     def light(self, rough_suns: list[Sun], ray: Ray) -> tuple[np.ndarray, list[Sun]]:
@@ -149,7 +151,7 @@ def is_possible(scene: bpy.types.Scene) -> bool:
     return scene.camera is not None and scene.camera.type == "CAMERA"
 
 
-def _isolate(world: bpy.types.World, ray: Ray, with_discs: bool, override) -> bool:
+def _isolate(world: bpy.types.World, ray: Ray, with_discs: bool, override: Overrides) -> bool:
     """Change the evaluated world into one that a camera sees as such rays do; False where that cannot be done."""
     override(world, {"cycles_visibility.camera": True, "cycles.sampling_method": "NONE"})
     for owner, prefix, tree in node_trees(world):
@@ -171,13 +173,13 @@ def _isolate(world: bpy.types.World, ray: Ray, with_discs: bool, override) -> bo
     return True
 
 
-def _disable_motion_blur(scene: bpy.types.Scene, override) -> None:
+def _disable_motion_blur(scene: bpy.types.Scene, override: Overrides) -> None:
     for view_layer in scene.view_layers:
         name = bpy.utils.escape_identifier(view_layer.name)
         override(scene, {f'view_layers["{name}"].use_motion_blur': False})
 
 
-def _point_camera(camera: bpy.types.Object, frame: np.ndarray, half: tuple[float, float], override) -> None:
+def _point_camera(camera: bpy.types.Object, frame: np.ndarray, half: tuple[float, float], override: Overrides) -> None:
     longitude, latitude = half
     override(camera.data, {
         "dof.use_dof": False, "type": "PANO", "panorama_type": "EQUIRECTANGULAR", "latitude_min": -latitude,

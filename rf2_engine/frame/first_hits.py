@@ -22,6 +22,7 @@ from ..convert.camera.lens import Lens
 from ..convert.meshes.nearest import NearestTriangles
 from ..cycles import growing
 from ..cycles import session as cycles_session
+from ..cycles.overrides import Overrides
 from ..cycles.run import Passes
 from ..cycles.session_options import PINHOLE, CameraModel, Catchers, SessionOptions
 from ..frame_settings import Light
@@ -163,7 +164,7 @@ def _remaining_share(begin: float, number: int, count: int) -> tuple[float, floa
     return tuple(begin + (1 - begin) * (number + end) / count for end in (0, 1))
 
 
-def _move_to_samples(lenses: list[tuple[Lens, np.ndarray]], override) -> None:
+def _move_to_samples(lenses: list[tuple[Lens, np.ndarray]], override: Overrides) -> None:
     for lens, point in lenses:
         lens.look_from(point, override)
 

@@ -19,8 +19,8 @@ from ..convert.camera.camera import convert_camera
 from ..convert.camera.eyes import count_views
 from ..convert.data.report import SOME, Remark, Report, grouped
 from ..convert.scene import convert
-from ..cycles.bake import Promise
-from ..cycles.world import ExpectedWorld, is_possible
+from ..cycles.bake import UnavailableBaker
+from ..cycles.world import PlaceholderWorld, is_possible
 from ..frame_settings import FrameSettings, Network
 from ..progress import costs, memory
 from ..progress.stages import CONVERT, ENCODE, TEXTURES, Work
@@ -134,8 +134,8 @@ def _inspect(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: 
     width, height = frame_size(scene.render)
     view = convert_camera(depsgraph, width, height, render_border(width, height, scene.render), report)
     converted = convert(depsgraph, convert_camera(depsgraph, width, height, None), settings.conversion, report,
-                        cycles_world=ExpectedWorld() if is_possible(scene) else None,
-                        baker=Promise() if settings.bake_unknown else None)
+                        cycles_world=PlaceholderWorld() if is_possible(scene) else None,
+                        baker=UnavailableBaker() if settings.bake_unknown else None)
     _report_differences(depsgraph, report)
     converting, layers = time.perf_counter() - begin, count_layers(scene)
     pictures = Pictures.read(depsgraph, settings, width, height)

@@ -19,6 +19,7 @@ from .. import passes as pass_table
 from ..convert.data.report import Report
 from ..cycles import growing
 from ..cycles import run as cycles_run
+from ..cycles.overrides import overrides
 from ..cycles.run import Passes
 from ..progress.stages import REFERENCE
 from ..reference_settings import FrameReference
@@ -53,10 +54,10 @@ def register_passes(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view
 def add(layer: Layer, pictures: dict[str, Passes], report: Report) -> int:
     """Render the reference and write it beside `pictures`, the passes of our views, which stay if Cycles is stopped.
 
-    Must be called inside cycles_run.keep_scene, begun before the first run of this frame. Where Cycles renders on a
-    GPU, the network leaves it. A reference that is stopped has the samples that it had by then. Returns its samples, 0
-    when there is none. Raises RenderCancelled when the add-on is being disabled; whatever else ends the reference is a
-    line of `report`.
+    Must be called inside keep_scene (cycles/evaluated_scene.py), begun before the first run of this frame. Where Cycles
+    renders on a GPU, the network leaves it. A reference that is stopped has the samples that it had by then. Returns
+    its samples, 0 when there is none. Raises RenderCancelled when the add-on is being disabled; whatever else ends the
+    reference is a line of `report`.
     """
     engine, chosen, rendered, begin = layer.engine, layer.settings.reference, {}, time.perf_counter()
     height, width, _ = next(iter(pictures.values()))["combined"].shape
@@ -133,7 +134,7 @@ def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, chos
     requested = [p for p in pass_table.PASSES if p.key == "combined" or chosen.light_passes and p.source == "lighting"]
     for p in requested:  # Cycles fills them under its own names
         engine.add_pass(p.blender_name, len(p.channels), p.channels, layer=layer)
-    with cycles_run.overrides(engine, depsgraph) as override:
+    with overrides(engine, depsgraph) as override:
         override(depsgraph.scene_eval, {
             "cycles.samples": chosen.samples,
             "cycles.use_sample_subset": False,

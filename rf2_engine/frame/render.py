@@ -15,7 +15,7 @@ from ...model.weights.presets import BUNDLED
 from .. import passes as pass_table
 from ..convert.data.report import Remark, Report, grouped, list_names
 from ..convert.fitting.framing import Framing
-from ..cycles import run as cycles_run
+from ..cycles.evaluated_scene import keep_scene
 from ..cycles.run import Passes
 from ..progress import last_render
 from ..progress.last_render import LayerStatistics
@@ -64,7 +64,7 @@ def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, name
     status, report = Status(engine, name if count_layers(depsgraph.scene_eval) > 1 else ""), Report()
     optics = Optics.read(depsgraph)
     runs_twice = optics.sessions > 1 or reference.is_requested(depsgraph.scene_eval)
-    with progress.reporting(status), cycles_run.keep_scene(engine, runs_twice):
+    with progress.reporting(status), keep_scene(engine, runs_twice):
         return _render_layer(engine, depsgraph, optics, status, report)
 
 

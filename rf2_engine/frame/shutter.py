@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
-from ..cycles import run as cycles_run
+from ..cycles import evaluated_scene
 
 CURVE_STEPS = 256
 
@@ -29,7 +29,7 @@ def moments(scene: bpy.types.Scene, count: int) -> np.ndarray:
 
 @contextmanager
 def clock(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
-    """A function that evaluates the scene at a frame, inside cycles_run.keep_scene; in the end it is back at its own.
+    """A function that evaluates the scene at a frame, inside keep_scene; in the end it is back at its own.
 
     The function returns what has changed: {"camera", "scene"}, one of them or nothing.
     """
@@ -39,14 +39,14 @@ def clock(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
     def move_to(moment: float) -> set[str]:
         nonlocal current
         if moment == current:
-            cycles_run.renew(engine, depsgraph)
+            evaluated_scene.restore_objects(engine, depsgraph)
             return set()
         current = moment
         frame = int(np.floor(moment))
-        cycles_run.evaluate_at(engine, depsgraph, frame, moment - frame)
+        evaluated_scene.evaluate_at(engine, depsgraph, frame, moment - frame)
         changed = {"camera" if _is_camera(update.id) else "scene" for update in depsgraph.updates
                    if not _is_back_in_time(update.id)}
-        cycles_run.renew(engine, depsgraph)
+        evaluated_scene.restore_objects(engine, depsgraph)
         return changed
     try:
         yield move_to
@@ -55,7 +55,7 @@ def clock(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
 
 
 def _is_back_in_time(data: bpy.types.ID) -> bool:
-    """Whether cycles_run.evaluate_at alone has changed it: a scene without animation of its own."""
+    """Whether evaluated_scene.evaluate_at alone has changed it: a scene without animation of its own."""
     return isinstance(data, bpy.types.Scene) and data.animation_data is None and not any(
         marker.camera for marker in data.timeline_markers)
 

@@ -22,7 +22,7 @@ def in_render(scene: bpy.types.Scene, work: Callable[[bpy.types.RenderEngine, bp
 
         bl_idname = "RENDERFORMER_V2_VISITOR"
         bl_label = "RenderFormer-V2 Export"
-        emptied = False  # read by cycles/run.py
+        has_lost_modifiers = False  # read by cycles/evaluated_scene.py
 
         def render(self, depsgraph):
             if outcome:

@@ -59,7 +59,7 @@ class DatagenEngine(bpy.types.RenderEngine):
     bl_label = "RenderFormer-V2 training data"
     sample: Sample | None = None  # Blender makes the instances, so the class carries the job
     error: Exception | None = None
-    emptied = False  # as cycles_run.py has it of an engine
+    has_lost_modifiers = False  # read by cycles/evaluated_scene.py
 
     def update_render_passes(self, scene=None, renderlayer=None):
         pass_table.register(self, scene, renderlayer)

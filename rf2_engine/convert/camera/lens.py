@@ -60,7 +60,7 @@ class Lens:
         return shift_in_lens(pinhole, offset, focus)
 
     def look_from(self, point: np.ndarray, override) -> None:
-        """Move Cycles' camera to a point (2,) of the lens; `override` is the function of cycles_run.overrides.
+        """Move Cycles' camera to a point (2,) of the lens; `override` is an Overrides (cycles/overrides.py).
 
         All eyes that belong to one camera move with it.
         """

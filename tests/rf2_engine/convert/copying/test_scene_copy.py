@@ -18,7 +18,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.scene import
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.copied import ConversionOptions
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
-from bl_ext.user_default.renderformer_v2.rf2_engine.cycles.bake import Promise
+from bl_ext.user_default.renderformer_v2.rf2_engine.cycles.bake import UnavailableBaker
 
 from tests.rf2_engine.convert.cycles_reference import lamp, material, world
 from tests.sources import ROOT
@@ -172,7 +172,7 @@ def test_images_that_show_nowhere_are_not_read(scene, add_mesh, tmp_path):
     assert [image.has_data for image in images] == [True, False]
 
 
-class Ready(Promise):
+class Ready(UnavailableBaker):
     """Says whether it was made ready."""
 
     ready = False
