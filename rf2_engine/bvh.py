@@ -15,7 +15,7 @@ from ..model.geometry import barycentric
 
 @contextmanager
 def uncollected():
-    """Inside, Python looks for no garbage. Long lists make it do so, and with PyTorch loaded it takes 0.15 s a time."""
+    """Switch garbage collection off inside: long lists trigger it, and with PyTorch loaded it takes 0.15 s."""
     enabled = gc.isenabled()
     gc.disable()
     try:

@@ -178,7 +178,7 @@ def register(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer:
 
 
 def update_sockets(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    """For properties of a scene on which its passes depend: the Render Layers node shows those of the next render."""
+    """Have the Render Layers node show the passes of the next render; `update` of the properties that decide these."""
     for view_layer in settings.id_data.view_layers:
         view_layer.update_render_passes()
 

@@ -61,7 +61,7 @@ def appended(name: str, draw: Callable) -> Pair:
 
 
 def handlers(*functions: tuple[str, Callable]) -> Pair:
-    """For functions in lists of bpy.app.handlers: (name of the list, function), and so on."""
+    """register and unregister for functions in lists of bpy.app.handlers: (name of the list, function), and so on."""
     def register() -> None:
         for name, handler in functions:
             getattr(bpy.app.handlers, name).append(handler)

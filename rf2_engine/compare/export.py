@@ -169,7 +169,7 @@ OVERRIDDEN = ("linear_colorspace_settings.name", "display_settings.display_devic
 
 @contextmanager
 def file_format(scene: bpy.types.Scene, name: str, colorspace: str = "", **settings):
-    """Inside, the scene saves files of this format with these image settings, linear ones in this color space."""
+    """Have the scene save files of this format inside, with these image settings, linear ones in this color space."""
     image_settings = scene.render.image_settings
     is_override = image_settings.color_management == "OVERRIDE"
     before = {key: attrgetter(key)(image_settings) for key in RESTORED + OVERRIDDEN * is_override

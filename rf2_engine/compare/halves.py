@@ -8,7 +8,7 @@ ICONS = 56  # pixels of Blender's own gizmos at the right edge, at an interface 
 
 
 class Halves(NamedTuple):
-    """In widths of the image, from its left edge."""
+    """Where both halves of the editor show the image, in widths of the image from its left edge."""
 
     end_of_a: float  # what is left of it is in the left half of the editor
     begin_b: float   # what is right of it, moved by `shift`, is in the right half

@@ -117,7 +117,7 @@ def _slot_name(image: bpy.types.Image, number: int) -> str:
 
 
 def slot_number(side) -> int | None:
-    """From 1; None for an image."""
+    """The number of the slot, from 1; None for an image."""
     if side.kind == "SHOWN":
         return _render_result().render_slots.active_index + 1
     return side.slot if side.kind == "SLOT" else None

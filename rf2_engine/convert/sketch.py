@@ -84,7 +84,7 @@ class Sketch:
         return picture.reshape(*shape, 4)
 
     def _share(self) -> float:
-        """Of the triangles that rays meet."""
+        """The share of all triangles that rays meet."""
         return min(MOST / max(sum(len(surface.real_mesh) for surface, _ in self._items), 1), 1.0)
 
     def _colors(self, triangle: np.ndarray, weights: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -109,7 +109,7 @@ def start_blender(worker: Path, *arguments: str, stdin: int = subprocess.DEVNULL
 
 
 def _command(worker: str, *arguments: str) -> list[str]:
-    """With the bpy module, which is no program, the command is this Python."""
+    """The command of a Blender; of the bpy module, which is no program, that of this Python."""
     if bpy.app.binary_path:
         return [bpy.app.binary_path, "--background", "--factory-startup", "--offline-mode", "--disable-autoexec",
                 "--python-exit-code", "1", "--python", worker, "--", *arguments]

@@ -11,7 +11,7 @@ SIMULATIONS = "CLOTH", "COLLISION", "DYNAMIC_PAINT", "FLUID", "SOFT_BODY"  # typ
 
 @contextmanager
 def keep_scene(engine: bpy.types.RenderEngine, runs_twice: bool):
-    """Inside, if `runs_twice`, the evaluated scene survives Cycles, which can then run twice in one `engine.render`.
+    """Keep the evaluated scene inside, if `runs_twice`, so that Cycles can run twice in one `engine.render`.
 
     Cycles asks Blender to free it as soon as it has its own copy. Blender does not where Persistent Data is on, nor for
     an engine with a GPU context; that flag is looked at afresh each time, and we need no context.

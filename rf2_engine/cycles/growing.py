@@ -45,7 +45,7 @@ _growing = GrowingPicture()
 
 @contextmanager
 def announced(picture: CyclesPicture):
-    """Inside, what Cycles renders is this picture."""
+    """Announce that what Cycles renders inside is this picture."""
     _growing.picture = picture
     try:
         yield

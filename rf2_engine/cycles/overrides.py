@@ -34,7 +34,7 @@ class Overrides:
 
 @contextmanager
 def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
-    """Inside, properties of evaluated data can be set, by the Overrides that it gives; in the end they are put back.
+    """Give an Overrides that sets properties of evaluated data; in the end they are put back.
 
     The user's scene never sees it: it is the evaluated copy that Cycles reads.
     """

@@ -102,7 +102,7 @@ def _run_outside(engine, job, requested, why: Exception, report: Report, partial
 
 @contextmanager
 def _with_our_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str):
-    """Inside, those of our own passes that Cycles does not know are AOVs of the evaluated view layer.
+    """Make those of our own passes that Cycles does not know AOVs of the evaluated view layer inside.
 
     No shader writes to them. Without them Cycles prints an error for each, once per run.
     """

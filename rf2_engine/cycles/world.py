@@ -129,7 +129,7 @@ class CyclesWorld:
         return rendered["combined"][..., :3].clip(0)
 
     def _run(self, combined: list[pass_table.Pass], changes: list) -> dict[str, cycles_run.Passes]:
-        """In a Blender in the background where there is a render border: a session draws no more than that."""
+        """Render the world; with a render border in a background Blender, for a session draws no more than it."""
         scene, layer = self.depsgraph.scene_eval, self.depsgraph.view_layer_eval.name
         if not scene.render.use_border:
             return cycles_run.run_inside(self.engine, self.depsgraph, layer, combined)

@@ -110,7 +110,7 @@ def render_first_hits(layer: Layer, scene: RenderScene, views: dict[str, View],
 
 def render_sample_hits(layer: Layer, scene: RenderScene, optics: Optics,
                        number: int) -> dict[str, tuple[View, Guides]]:
-    """By view: the view from the sample of that number on the lens, or from the lens' middle, and its guides."""
+    """The view from the sample of that number on the lens, or from the lens' middle, and its guides, by view."""
     views, camera, hits, samples = layer.views(), PINHOLE, {}, optics.lens_samples
     if samples > 1:
         lenses = {eye.view: Lens.of(eye) for eye in layer.eyes()
@@ -217,7 +217,7 @@ def _render_catchers(layer: Layer, views: Iterable[str]) -> dict[str, tuple[Pass
 
 
 def _caught_shadows(passes: Passes, coverage: np.ndarray, alpha: np.ndarray) -> CaughtShadows:
-    """Of a view, alpha (H, W, 1) being the coverage with catchers.
+    """What the shadow catchers of a view show; alpha (H, W, 1) is the coverage with them.
 
     Along their edges before the world the picture is as the samples have it: there the denoiser leaves dashes.
     """

@@ -63,7 +63,7 @@ class LayerNetwork:
         return self._renderer.computed_on if self._renderer else ""
 
     def load(self) -> None:
-        """To be called before it renders; PyTorch was imported meanwhile."""
+        """Load the weights, if they are not loaded yet; to be called before it renders."""
         if self._renderer is None:
             settings = self._layer.settings
             with self._layer.plan.enter(LOAD):

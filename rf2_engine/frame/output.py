@@ -83,7 +83,7 @@ def write_views(engine: bpy.types.RenderEngine, layer: str, views: dict[str, dic
 
 @contextmanager
 def unless_stopped(engine: bpy.types.RenderEngine, layer: str, views: Iterable[str]):
-    """By view a dict of passes, as passes.write takes them, to be filled inside.
+    """Give a dict of passes by view, as passes.write takes them, to be filled inside.
 
     If it ends without a picture, they alone remain: whatever Cycles or passes.write showed in Combined meanwhile is
     taken back. A Combined among the passes is what the user sees of the picture so far: it remains when they end the

@@ -96,7 +96,7 @@ def add(layer: Layer, pictures: dict[str, Passes], report: Report) -> int:
 
 
 def _save(layer: Layer, view: str, pixels: np.ndarray, report: Report) -> None:
-    """To a file of its own, where the frames of the animation have one picture."""
+    """Save the reference to a file of its own, where the frames of the animation have one picture."""
     scene = layer.depsgraph.scene
     if is_lost(scene):
         report.approximated(NAME, LOST)
@@ -129,7 +129,7 @@ def _stopped_reference(rendered: dict[str, Passes], samples: int, pictures: dict
 
 def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, chosen: FrameReference,
             threads: int, report: Report) -> dict[str, Passes]:
-    """By view, {key of passes.REFERENCE: (H, W, C) f32}, row 0 on top."""
+    """The passes of the reference by view: {key of passes.REFERENCE: (H, W, C) f32}, row 0 on top."""
     layer = depsgraph.view_layer_eval.name
     requested = [p for p in pass_table.PASSES if p.key == "combined" or chosen.light_passes and p.source == "lighting"]
     for p in requested:  # Cycles fills them under its own names

@@ -50,7 +50,7 @@ class RENDERFORMER_PT_material_latent(EnginePanel):
 
     @classmethod
     def poll(cls, context):
-        """For published weights, and for materials that have a latent already."""
+        """Show it for published weights, and for materials that have a latent already."""
         return context.material and super().poll(context) and (
             is_published(context.scene.renderformer_v2) or context.material.renderformer_v2.use_latent)
 

@@ -21,7 +21,7 @@ class Plan:
 
     @contextmanager
     def enter(self, stage: Stage):
-        """Inside, the stage works: timed, shown by the bar, cancelled by Esc; its cost is learned."""
+        """Time the stage that works inside, show it by the bar, end it after Esc, and learn its cost."""
         units, times = self._work.get(stage, Work(0))
         with progress.part(0.0, 1.0, stage.text):
             estimate.frame.begin_stage(stage, 1 / max(times, 1))

@@ -22,7 +22,7 @@ class StatusLine:
         self._handles: list = []
 
     def show(self, text: str) -> None:
-        """From any thread. Image Editors are drawn again as the render goes on."""
+        """Show a text, from any thread. Image Editors are drawn again as the render goes on."""
         self._text = text
 
     def register(self) -> None:

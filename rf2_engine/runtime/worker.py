@@ -94,7 +94,7 @@ class Worker:
 
 @contextmanager
 def _switching_often():
-    """Inside, the window gets Python's lock sooner, which it needs for every panel that it draws."""
+    """Give the window Python's lock sooner inside: it needs it for every panel that it draws."""
     before = sys.getswitchinterval()
     sys.setswitchinterval(min(SWITCH, before))
     try:

@@ -223,7 +223,7 @@ def required_wheels(names: Iterable[str]) -> list[wheels.Wheel]:
 
 
 def missing_wheels(names: Iterable[str]) -> list[wheels.Wheel]:
-    """Those of required_wheels(names) that are not there. Raises NoWheel."""
+    """The wheels of required_wheels(names) that are not there. Raises NoWheel."""
     have = intact()
     return [wheel for wheel in required_wheels(names) if have.get(wheel.name) != wheel.version]
 

@@ -28,7 +28,7 @@ class RegionView:
 
     @classmethod
     def read(cls, width: int, height: int, data, space, scene, interface_pixel: float = 1.0) -> RegionView:
-        """From the size of a region in pixels, its RegionView3D and SpaceView3D, and the scene.
+        """Read it from the size of a region in pixels, its RegionView3D and SpaceView3D, and the scene.
 
         interface_pixel: `preferences.system.pixel_size`.
         """

@@ -75,7 +75,7 @@ class FrameCosts:
         return self.task_seconds(frames) / frames / self.processes
 
     def job_hours(self, total: int, machines: int, frames: int) -> float:
-        """For a job of equal tasks of so many frames; the last ones leave machines idle."""
+        """Hours of a job of equal tasks of so many frames; the last ones leave machines idle."""
         rounds = math.ceil(math.ceil(total / frames) / (machines * self.processes))
         return rounds * self.task_seconds(frames) / 3600
 

@@ -59,7 +59,7 @@ def count_cores() -> int:
 
 @contextmanager
 def busy_programs(programs: int):
-    """Inside, so many processes never rest."""
+    """Run so many processes that never rest."""
     running = [subprocess.Popen([sys.executable, "-c", "while 1: pass"]) for _ in range(programs)]
     try:
         yield
@@ -87,7 +87,7 @@ def time_stages(render: list[str]) -> dict[str, float]:
 
 
 def summarize(measured: dict[int, list[dict[str, float]]]) -> dict:
-    """From the stages of every render, by the number of busy programs."""
+    """Medians and ratios of the stages of every render, by the number of busy programs."""
     cores = count_cores()
     median = {count: {stage: round(statistics.median(seconds[stage] for seconds in renders), 3) for stage in renders[0]}
               for count, renders in measured.items()}

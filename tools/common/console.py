@@ -35,7 +35,7 @@ def to_one_line(error: Exception) -> str:
 
 
 def _redirect_stdout(target: int | None) -> None:
-    """To an open file, or to nowhere; also for C code."""
+    """Send stdout to an open file, or to nowhere; also that of C code."""
     if target is not None:
         os.dup2(target, 1)
         return

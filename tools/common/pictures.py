@@ -75,7 +75,7 @@ def _verify(path: Path) -> None:
 
 @contextmanager
 def _silent_stderr():
-    """Inside, nothing that C code says about the file reaches stderr: the exception says it."""
+    """Keep what C code says about the file from stderr: the exception says it."""
     stderr, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 2)
     try:

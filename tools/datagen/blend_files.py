@@ -129,7 +129,7 @@ def build_cameras(scene: bpy.types.Scene, camera: bpy.types.Object, count: int, 
 
 
 def add_copy(scene: bpy.types.Scene, camera: bpy.types.Object, pose) -> bpy.types.Object:
-    """Without parent, constraints and animation of its own, which would move it back."""
+    """A copy of the camera without parent, constraints and animation, which would move it back."""
     copy = bpy.data.objects.new(camera.name, camera.data.copy())
     copy.matrix_world = pose
     copy.data.dof.use_dof = False

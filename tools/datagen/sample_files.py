@@ -163,7 +163,7 @@ def load_with_paths(path: Path) -> tuple[RenderScene, list[View], list[Guides], 
 
 
 def read_facts(path: Path) -> Facts:
-    """From the file alone, without building its scene. A damaged file raises whatever the damage leads to."""
+    """The Facts of a file, without building its scene. A damaged file raises whatever the damage leads to."""
     with np.load(path) as file:
         tiles, names = file["scene.tiles"], set(file.files)
         return Facts(

@@ -73,7 +73,7 @@ def materials(scene: RenderScene, guides: Guides) -> Iterator[tuple[str, float, 
 
 
 def table(ratios: Ratios) -> str:
-    """In Markdown."""
+    """The ratios as a table in Markdown."""
     lines = ["| lobe | material | roughness | views | median | 10 % | 90 % |", "|---|---|---:|---:|---:|---:|---:|"]
     for (lobe, kind, roughness), values in sorted(ratios.items()):
         shown = (f"{value:.2f}" for value in np.percentile(values, (50, 10, 90)))

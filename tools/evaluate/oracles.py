@@ -125,7 +125,7 @@ def prepare_view(encoded: EncodedScene, view: View, guides: Guides, passes: dict
 
 
 def study(paths: list[Path], renderer: Renderer) -> dict[str, dict[str, dict[str, float]]]:
-    """By setting and oracle the mean PSNR of the scenes and that of the worst one."""
+    """The mean PSNR of the scenes and that of the worst one, by setting and oracle."""
     results: dict[str, dict[str, list[float]]] = {}
     for path in paths:
         scene, views, guides, passes = load_with_paths(path)

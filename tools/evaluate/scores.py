@@ -35,8 +35,10 @@ def compute_scores(pictures: list[np.ndarray], references: list[np.ndarray], **m
 
 
 def perceptual(rendered: np.ndarray, reference: np.ndarray) -> dict[str, float]:
-    """Of two linear (H, W, 3) pictures, after sRGB encoding and clipping: "lpips" by VGG where its weights are on this
-    machine, else "structure", the stand-in of tools/train/losses.py."""
+    """The perceptual distance of two linear (H, W, 3) pictures, after sRGB encoding and clipping.
+
+    "lpips" is by VGG, where its weights are on this machine; else it is "structure", by tools/train/losses.py.
+    """
     a, b = (torch.from_numpy(linear_to_srgb(x)).movedim(-1, 0)[None] for x in (rendered, reference))
     with torch.inference_mode():
         return {"lpips" if _vgg() else "structure": float((_vgg() or structure_loss)(a, b))}

@@ -173,7 +173,7 @@ def _combine(layers: list[dict]) -> dict:
 
 
 def _add_seconds(layers: list[dict]) -> dict[str, float]:
-    """By stage, of all view layers."""
+    """The seconds of all view layers, by stage."""
     stages = dict.fromkeys(stage for layer in layers for stage in layer["seconds"])
     return {stage: round(sum(layer["seconds"].get(stage, 0.0) for layer in layers), 3) for stage in stages}
 

@@ -51,11 +51,11 @@ class Batch(TensorGroup):
         return len(self.rows)
 
     def stored(self) -> Batch:
-        """In half precision where prepared samples are, to be moved."""
+        """The batch in half precision where prepared samples are, to be moved."""
         return each_field(self, stored)
 
     def restored(self) -> Batch:
-        """In float32 again."""
+        """The batch in float32 again."""
         return each_field(self, lambda value, _: value.float() if value.is_floating_point() else value)
 
 

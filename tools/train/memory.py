@@ -17,8 +17,9 @@ METHODS = {ViewIndependentLayer: ("forward",), ViewDependentLayer: ("forward", "
 
 
 def recompute(model: nn.Module, parts: Iterable[str]) -> None:
-    """For the transformer layers whose names begin with one of `parts`; gradients and names of weights stay the same.
+    """Compute the transformer layers twice whose names begin with one of `parts`.
 
+    Gradients and names of weights stay the same.
     Raises TrainingError for a part without such layers.
     """
     layers = {name: layer for name, layer in model.named_modules() if type(layer) in METHODS}

@@ -120,7 +120,7 @@ class Encoded:
 
 
 def build_sample(path: Path, pipeline: PublishedPipeline) -> PublishedSample:
-    """From one file of tools.datagen, with the encoder that rendering uses."""
+    """The sample of one file of tools.datagen, with the encoder that rendering uses."""
     scene, views, guides, passes = load_sample(path)
     normalization = Normalization.of(scene)
     normalized = normalization.scene(scene)
@@ -137,7 +137,7 @@ def build_sample(path: Path, pipeline: PublishedPipeline) -> PublishedSample:
 
 
 def build_copy(path: Path, pipeline: PublishedPipeline, copy: int) -> Copy:
-    """Of one file, always the same one for the same number."""
+    """A copy of the sample of one file, always the same one for the same number."""
     scene, *_ = load_sample(path)
     normalized = Normalization.of(scene).scene(scene)
     emits = find_emitters(normalized)
@@ -147,7 +147,7 @@ def build_copy(path: Path, pipeline: PublishedPipeline, copy: int) -> Copy:
 
 
 def encode(scene: RenderScene, pipeline: PublishedPipeline) -> NetworkInputs:
-    """Of a scene as it was trained."""
+    """The inputs of a scene as it was trained."""
     with torch.no_grad():
         return pipeline.encoder.inputs(pipeline.encoder.process(scene))
 

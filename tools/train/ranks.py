@@ -24,7 +24,7 @@ PATIENCE = timedelta(hours=6)  # for one that waits for samples, prepares or sav
 
 @contextmanager
 def join(options: argparse.Namespace):
-    """Inside, this process belongs to those that torchrun started; `options.device` "cuda" becomes its own card."""
+    """Join the processes that torchrun started, inside; `options.device` "cuda" becomes its own card."""
     if "TORCHELASTIC_RUN_ID" not in os.environ:
         yield
         return
@@ -125,5 +125,5 @@ def with_shared_gradients(model: nn.Module, loss: Callable) -> Callable:
 
 
 def accumulating(loss: Callable, *, last: bool):
-    """Inside, gradients are only added up, unless these are the `last` ones of a step."""
+    """Only add gradients up inside, unless these are the `last` ones of a step."""
     return nullcontext() if last or not _has_group() else loss.no_sync()

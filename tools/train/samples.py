@@ -63,7 +63,7 @@ class LightInputs(StrEnum):
 
 
 def build_sample(path: Path, light_inputs: LightInputs = LightInputs.TRACED) -> TrainingSample:
-    """From one file of tools.datagen. Raises SampleError when it cannot be read or has a size that is of no use."""
+    """The sample of a file of tools.datagen. Raises SampleError when it cannot be read or its size is of no use."""
     try:
         scene, views, guides, passes = load_sample(path) if light_inputs is LightInputs.SCENE else load_with_paths(path)
     except Exception as error:  # a damaged archive raises whatever the damage leads to

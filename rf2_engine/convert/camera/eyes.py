@@ -28,7 +28,7 @@ def own_eye(depsgraph: bpy.types.Depsgraph) -> Eye:
 
 
 def eyes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> list[Eye]:
-    """Those of all views that `engine` is to render, at the moment that is evaluated. Raises SceneError."""
+    """The eyes of all views that `engine` is to render, at the moment that is evaluated. Raises SceneError."""
     views = view_names(engine)
     if views == [""]:
         return [own_eye(depsgraph)]

@@ -10,7 +10,7 @@ from ....model.panorama import PROJECTIONS, Panorama
 
 def read_panorama(camera: bpy.types.Object, shift_x: float, width: int, height: int,
                   settings: bpy.types.RenderSettings) -> Panorama:
-    """For a picture of `width` x `height` pixels. Raises SceneError for unknown projections and ones without pixels."""
+    """A Panorama of `width` x `height` pixels. Raises SceneError for unknown projections and ones without pixels."""
     data = camera.data
     if data.panorama_type not in PROJECTIONS:
         name = data.bl_rna.properties["panorama_type"].enum_items[data.panorama_type].name

@@ -129,7 +129,7 @@ class _Instances:
 
 
 def _first(names, *blocks) -> dict[str, tuple]:
-    """By name the custom property, or else the property of Blender's own, of the first block that has it."""
+    """Properties by name: the custom one, or else Blender's own, of the first block that has it."""
     properties = {}
     for name in names:
         values = (_property(block, name) for block in blocks if block is not None)

@@ -42,7 +42,7 @@ class Images:
                        {tile: remark for tile, (_, remark) in tiles_read.items() if remark})
 
     def _read(self, image, straight: bool, frame: int | None, tile: int | None) -> tuple[Pyramid, str]:
-        """And what to say where it cannot be read."""
+        """The pixels of an image, and a remark if it cannot be read."""
         key = image.session_uid, straight, frame, tile
         if key not in self._cache:
             progress.report()
@@ -56,7 +56,7 @@ class Images:
 
 
 class UnreadImages:
-    """In place of `Images` where they take too long: all are grey."""
+    """Replaces `Images` where reading them takes too long: all are grey."""
 
     def picture(self, node) -> Picture:
         """What an Image Texture or Environment Texture shows."""

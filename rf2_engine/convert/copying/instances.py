@@ -106,7 +106,7 @@ class _Walk:
                        light_group=self.light_groups.get(instance.object.lightgroup, 0))
 
     def _linked_groups(self, obj) -> tuple[int, int]:
-        """Those that its light falls on, and those that stop it."""
+        """The groups that the light of an object falls on, and those that stop it."""
         return tuple(bits.get(obj.original, ALL_GROUPS) for bits in (self.linking.lit_groups, self.linking.blockers))
 
     def _is_shown(self, instance) -> bool:

@@ -122,7 +122,7 @@ def _report(obj, what: str, count: int, few: int, many: int, report) -> None:
 
 
 def _ribbons(knots: np.ndarray, radius: np.ndarray, is_crossed: bool) -> TriangleMesh:
-    """Of (s, k, 3) knots and (s, k) radii: each turned otherwise, and as wide as a tube looks on average.
+    """Ribbons along (s, k, 3) knots with (s, k) radii: each turned otherwise, and as wide as a tube looks on average.
 
     Crossed, two for each strand, which look nearly as wide from all sides.
     """
@@ -144,7 +144,7 @@ def _ribbons(knots: np.ndarray, radius: np.ndarray, is_crossed: bool) -> Triangl
 
 
 def _mesh(corners: np.ndarray, normals: np.ndarray) -> TriangleMesh:
-    """Of corners and their normals (..., 3, 3), without what has no area."""
+    """The mesh of corners and their normals (..., 3, 3), without triangles that have no area."""
     corners, normals = (x.reshape(-1, 3, 3).astype(np.float32) for x in (corners, normals))
     usable = np.isfinite(corners).all(axis=(1, 2))
     usable[usable] = meshes.has_area(corners[usable])

@@ -17,7 +17,7 @@ NUMBERS, COLORS = {"FLOAT", "DOUBLE", "INT", "INT64"}, {"VECTOR_FLOAT", "VECTOR_
 
 
 def read_grids(openvdb, volume, names: list[str]) -> dict[str, Grid]:
-    """Those grids of an evaluated Volume that have one of these names and hold anything."""
+    """The grids of an evaluated Volume that have one of these names and are not empty."""
     volume.grids.load()
     readable = [grid for grid in volume.grids if grid.name in names and grid.data_type in NUMBERS | COLORS]
     grids = {}

@@ -88,7 +88,7 @@ def gas_domain(obj):
 
 @dataclass
 class LightLinking:
-    """By original object."""
+    """What light linking says of each original object."""
 
     dark: set = field(default_factory=set)                  # those that shine on nothing that is shown
     group: dict[object, int] = field(default_factory=dict)  # of the surfaces that all lights treat alike

@@ -44,7 +44,7 @@ def gridded(obj, material: Material | None, instance: Instance, grids_read: dict
 
 
 def read_gas_grids(domain, obj, names: list[str]) -> dict[str, Grid]:
-    """Those of FluidDomainSettings that have one of these names; none where nothing was simulated.
+    """The grids of FluidDomainSettings that have one of these names; none where nothing was simulated.
 
     obj: the evaluated domain, as large as its grids at this frame.
     """

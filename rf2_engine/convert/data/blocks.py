@@ -57,7 +57,7 @@ class Conventions:
 
 
 class Sockets(list):
-    """By number, or by name: the first one called so."""
+    """Sockets by number, or by name: the first one with that name."""
 
     def __getitem__(self, key):
         if isinstance(key, str):
@@ -79,7 +79,7 @@ class Socket:
 
 @dataclass(eq=False)
 class Node:
-    """With the settings of its own kind, such as `operation`, as further attributes.
+    """A shader node; the settings of its kind, such as `operation`, are further attributes.
 
     Data-blocks that it refers to are replaced: `node_tree` a Tree, `image` a Picture, `object` a Frame,
     `color_ramp` a table, `mapping` a Curves, `profile` an ies.Profile.

@@ -41,7 +41,7 @@ class CopiedMesh:
 
     @property
     def is_shown(self) -> bool:
-        """To the camera."""
+        """Whether cameras see it."""
         return not self.hidden & Ray.CAMERA
 
     @property

@@ -98,7 +98,7 @@ class ApparentSize:
 
 
 class ApparentSpace:
-    """From the frame of an object to a space where lengths are as they look from the camera, and back."""
+    """Moves points from the frame of an object to a space where lengths are as they look from the camera, and back."""
 
     def __init__(self, matrix: np.ndarray, apparent: ApparentSize):
         """matrix: (4, 4) object to world."""

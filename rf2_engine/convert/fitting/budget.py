@@ -127,7 +127,7 @@ def _names(parts: list[Part]) -> list[tuple]:
 
 def _shares_of_picture(parts: list[Part], apparent: ApparentSize | None,
                        hits: VisiblePoints | None) -> list[np.ndarray]:
-    """For every part (m,) > 0, the share of the picture, 0 to 1, that its instances count for."""
+    """The share of the picture, 0 to 1, that the instances of each part count for: (m,) > 0 for each of the parts."""
     covered = np.zeros(sum(map(copies_of, parts)))
     if hits is not None:
         covered += np.bincount(hits.instance[hits.instance >= 0], minlength=len(covered)) / GRID ** 2

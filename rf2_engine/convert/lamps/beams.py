@@ -62,7 +62,7 @@ def cones(light: np.ndarray, weight: np.ndarray) -> tuple[list[Cone], float]:
 
 @functools.lru_cache(maxsize=16)
 def _cones(light: bytes, weight: bytes) -> tuple[tuple[Cone, ...], float]:
-    """Once for all lamps of a kind."""
+    """`cones`, computed once for all lamps of a kind."""
     light, weight = np.frombuffer(light).reshape(-1, 3), np.frombuffer(weight)
     total = (light * weight[:, None]).sum(axis=0)
     chosen, beams, strength, fit, misplaced = [], np.zeros((len(light), 0)), np.zeros((0, 3)), np.zeros_like(light), 1.0

@@ -95,7 +95,7 @@ def normalized(light) -> bool:
 
 
 def ball_power(light, strength):
-    """Without "Normalize" Cycles takes the energy per square metre of the ball; a ball of radius 0 counts as 4."""
+    """The power of a ball. Without Normalize, energy is that of a square metre; a ball of radius 0 has 4 of them."""
     if normalized(light):
         return strength
     return strength * (4 * math.pi * light.shadow_soft_size ** 2 if light.shadow_soft_size > 0 else 4.0)

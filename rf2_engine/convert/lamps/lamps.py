@@ -62,7 +62,7 @@ def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, spher
 
 
 def split_negative(lamps: list[LampInstance]) -> tuple[list[LampInstance], list[LampInstance]]:
-    """Those that give light, and those that take it away, as if they gave it."""
+    """The lamps that give light, and those of negative strength, as if they gave it."""
     negated = []
     for lamp in lamps:
         if lamp.light.energy < 0:

@@ -29,7 +29,7 @@ class Detail:
 
 
 class BoundingSphere(NamedTuple):
-    """Of the scene: it decides where suns stand and how small lamps may be."""
+    """The bounding sphere of the scene, which decides where suns stand and how small lamps may be."""
 
     center: np.ndarray  # (3,) f64, world
     radius: float       # world units, more than 0

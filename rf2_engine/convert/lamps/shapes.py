@@ -20,7 +20,7 @@ EMITTING, BLACK = 0, 1  # rows of TILES
 
 
 def rectangle(width: float, height: float, columns: int = 1, rows: int = 1) -> np.ndarray:
-    """In the plane z = 0, front towards -Z, cut into `columns` x `rows` cells of two triangles."""
+    """A rectangle in the plane z = 0, front towards -Z, cut into `columns` x `rows` cells of two triangles."""
     x = np.linspace(-width / 2, width / 2, columns + 1)
     y = np.linspace(-height / 2, height / 2, rows + 1)
     x0, y0 = (a.ravel() for a in np.meshgrid(x[:-1], y[:-1]))
@@ -117,6 +117,6 @@ def reaching(shape: RenderScene, reach: Reach) -> RenderScene:
 
 
 def reach_of(shape: RenderScene) -> Reach:
-    """Of the triangles of one lamp."""
+    """Where the light of a lamp's triangles goes."""
     return Reach(*(int(values[0]) for values in (
         shape.hidden_from, shape.seldom("light_bounces"), shape.seldom("lit_groups"), shape.seldom("blockers"))))

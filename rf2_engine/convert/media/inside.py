@@ -24,7 +24,7 @@ def fill_voxels(corners: np.ndarray, resolution: int) -> np.ndarray:
 
 @functools.lru_cache(maxsize=64)
 def _filling(corners: bytes, resolution: int) -> np.ndarray:
-    """Once for all instances of a mesh."""
+    """`fill_voxels`, computed once for all instances of a mesh."""
     corners = np.frombuffer(corners, np.float32).astype(np.float64).reshape(-1, 3, 3)
     fine = resolution * COLUMNS
     column, height = _crossings((corners + 0.5) * (fine, fine, resolution) - (*OFFSET, 0), fine)

@@ -49,8 +49,10 @@ def new_edge(points: np.ndarray, faces: np.ndarray, target: int) -> float:
 
 
 def without_detail(points: np.ndarray, faces: np.ndarray, target: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of a mesh that is many times too fine, quickly: which points are left if those closer than a small part of the
-    new edges are one, the faces of these, and which faces they are."""
+    """Merge points of a mesh that is many times too fine: all that are closer than a small part of the new edges.
+
+    Returns the indices of the points that are left, (m, 3) faces of these, and which of `faces` they are.
+    """
     return _merged(points, faces, new_edge(points, faces, target) / FINE)
 
 

@@ -83,7 +83,7 @@ def _by_ray(appearance: TriangleAppearance, materials: MaterialTiles, material: 
 
 
 def _with_backs(appearance: TriangleAppearance, back_tile: np.ndarray, behind: np.ndarray) -> TriangleAppearance:
-    """And the tiles and the emission of the backs. What is clear on one side alone is as its other side."""
+    """The appearance with the tiles and the emission of the backs. A side that alone is clear looks like the other."""
     front, back = (np.where(one < 0, other, one) for one, other in (
         (appearance.tile_index, back_tile), (back_tile, appearance.tile_index)))
     shines, shines_behind = appearance.emission.any(axis=1), behind.any(axis=1)

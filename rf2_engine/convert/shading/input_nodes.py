@@ -53,7 +53,7 @@ def fresnel(n: NodeCall):
 
 
 def _mean_reflectance(ior):
-    """Of light that arrives evenly at a dielectric, by the squared sine of its direction."""
+    """The share of light that a dielectric reflects if it arrives evenly, by the squared sine of its direction."""
     ior = np.maximum(ior, 1e-5)
     return sum(reflectance.fresnel(np.sqrt(1 - sine2), ior) for sine2 in SINES2) / len(SINES2)
 

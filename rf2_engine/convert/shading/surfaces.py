@@ -123,7 +123,7 @@ def _real_surfaces(part: Part, instance: Instance, tokens: dict[str, np.ndarray]
 
 
 def _materials(part: Part, instance: Instance, materials: MaterialTiles, shared: dict) -> TriangleAppearance:
-    """Those of the triangles of an instance of a part.
+    """The appearance of the triangles of an instance of a part.
 
     shared: by material slot and MaterialTiles.sharing what instances have in common, filled here.
     """

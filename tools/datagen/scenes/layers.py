@@ -15,7 +15,7 @@ LAYERED = 0.6  # chance of each material
 
 
 def add_layers(rng: np.random.Generator) -> None:
-    """To the surfaces of the open scene that do not shine."""
+    """Add layers to the surfaces of the open scene that do not shine."""
     for material in sorted(bpy.data.materials, key=lambda material: material.name):
         if is_dark_surface(material) and rng.uniform() < LAYERED:
             set_inputs(material, KINDS[rng.integers(len(KINDS))](rng))

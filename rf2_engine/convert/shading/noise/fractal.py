@@ -30,7 +30,7 @@ class Fractal:
         self.detail, self.roughness = np.clip(self.detail, 0, MOST_OCTAVES), np.maximum(self.roughness, 0)
 
     def octaves(self, at: np.ndarray):
-        """For each octave its noise, its amplitude, and how much of it counts."""
+        """The noise of each octave, its amplitude, and how much of it counts."""
         amplitude = frequency = np.float32(1)
         for octave in range(int(np.ceil(np.max(self.detail))) + 1):
             noise = perlin(at * np.asarray(frequency)[..., None])
