@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import passes as pass_table
-from ..frame.reference import NAME as REFERENCE
+from ..progress.last_render import REFERENCE
 from .slots import Crop
 
 OURS = "RenderFormer-V2"

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import bpy
 
+from ..progress.last_render import REFERENCE
 from ..runtime.running import ENGINE
 from . import header, sources
 from .measuring import Box, Measurement
 from .pictures import Picture, label_pair
-
-REFERENCE = "Cycles Reference"  # a pass of our own engine
 
 
 class Comparison:
