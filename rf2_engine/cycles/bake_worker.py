@@ -10,6 +10,7 @@ printed.
 import json
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -24,6 +25,20 @@ REACH = 0.01               # length of baking rays, in sizes of the triangles
 VISIBLE_TO = ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")
 
 
+class BakedOutput(NamedTuple):
+    """An output of a node, and the triangles of an object on which it is baked."""
+
+    object_name: str
+    matrix: list[list[float]]  # (4, 4) of the instance, object to world
+    material_name: str
+    groups: list[str]          # names of the group nodes that lead to the node
+    node_name: str
+    output: int                # number of the output
+    triangles: str             # file of their corners (n, 3, 3), in the frame of the object
+    side: int                  # texels along the edges of a triangle
+    samples: int
+
+
 def main() -> None:
     copy, settings = sys.argv[sys.argv.index("--") + 1:]
     job = json.loads(Path(settings).read_text())
@@ -35,25 +50,22 @@ def main() -> None:
     print("ready", flush=True)
     for line in sys.stdin:
         request = json.loads(line)
-        np.save(request["answer"], bake(scene, scene.view_layers[job["layer"]], **request["what"]))
+        np.save(request["answer"], bake(scene, scene.view_layers[job["layer"]], BakedOutput(**request["what"])))
         print("baked", flush=True)
 
 
-def bake(scene, layer, object_name, material_name, groups, node_name, output, matrix, triangles, side, samples):
-    """(n, side, side, 3) f32 of the n `triangles` (a file of corners in the frame of the object); NaN beside them.
-
-    groups: names of the group nodes that lead to the node; output: its number.
-    """
-    scene.cycles.samples = samples
-    corners = np.load(triangles)
-    _emit_output(bpy.data.materials[material_name].node_tree, groups, node_name, output)
-    target, matrix = bpy.data.objects[object_name], mathutils.Matrix(matrix)
+def bake(scene, layer, what: BakedOutput) -> np.ndarray:
+    """(n, side, side, 3) f32 of an output on n triangles; NaN where nothing was baked."""
+    scene.cycles.samples = what.samples
+    corners, matrix = np.load(what.triangles), mathutils.Matrix(what.matrix)
+    _emit_output(bpy.data.materials[what.material_name].node_tree, what.groups, what.node_name, what.output)
+    target = bpy.data.objects[what.object_name]
     stand_in = None
     if target.name not in layer.objects or np.abs(np.array(target.matrix_world - matrix)).max() > 1e-4:
         target = stand_in = target.copy()  # an instance, whose object may be elsewhere
         target.parent, target.matrix_world = None, matrix
         scene.collection.objects.link(target)
-    image, tiles = _image(len(corners), side)
+    image, tiles = _image(len(corners), what.side)
     atlas = _atlas(corners, tiles, image)
     atlas.matrix_world = matrix
     scene.collection.objects.link(atlas)
@@ -64,15 +76,20 @@ def bake(scene, layer, object_name, material_name, groups, node_name, output, ma
                                    selected_objects=[target, atlas], selected_editable_objects=[target, atlas]):
         bpy.ops.object.bake(type="EMIT", use_selected_to_active=True, cage_extrusion=REACH * size, margin=0,
                             max_ray_distance=2 * REACH * size, use_clear=True)
-    pixels = np.empty(4 * image.size[0] * image.size[1], np.float32)
-    image.pixels.foreach_get(pixels)
+    texels = _read_tiles(image, tiles, what.side)[:len(corners)]
     for data in (atlas, stand_in):
         if data:
             bpy.data.objects.remove(data)
     bpy.data.images.remove(image)
-    grid = pixels.reshape(tiles, side, tiles, side, 4).transpose(0, 2, 1, 3, 4).reshape(-1, side, side, 4)
-    texels = grid[:len(corners), ..., :3]
     return np.where(texels.any(axis=-1, keepdims=True), (texels - OFFSET) / SCALE, np.nan)
+
+
+def _read_tiles(image, tiles: int, side: int) -> np.ndarray:
+    """(tiles^2, side, side, 3) f32 of an image with so many tiles in a row."""
+    pixels = np.empty(4 * image.size[0] * image.size[1], np.float32)
+    image.pixels.foreach_get(pixels)
+    grid = pixels.reshape(tiles, side, tiles, side, 4).transpose(0, 2, 1, 3, 4)
+    return grid.reshape(-1, side, side, 4)[..., :3]
 
 
 def _image(count: int, side: int):

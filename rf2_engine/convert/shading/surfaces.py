@@ -43,6 +43,14 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
                         if hit_materials is not None:
                             hit_materials.add(part, instance, materials, is_real)
                     count += np.count_nonzero(is_kept)
+    scene = _join(rows, materials, count)
+    if any(part.real or any(instance.real_matrices for instance in part.instances) for part in parts):
+        scene.geometry = Geometry(**{name: np.concatenate(values) for name, values in geometry.items()})
+    return scene
+
+
+def _join(rows: dict[str, list[np.ndarray]], materials: MaterialTiles, count: int) -> RenderScene:
+    """The scene of `count` triangles with these fields, each in the arrays of all instances."""
     scene = RenderScene(tiles=materials.tiles, latents=materials.latents, two_lobes=materials.two_lobes,
                         emission_tiles=materials.emission_tiles, **materials.extras)
     sides = rows.pop("shining_side")
@@ -60,8 +68,6 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
     if side.any():
         scene.beam_axis = (side[:, None] * unit(area_vectors(scene.triangles))).astype(np.float32)
         scene.beam_cosine[side != 0] = HALF_SPACE
-    if any(part.real or any(instance.real_matrices for instance in part.instances) for part in parts):
-        scene.geometry = Geometry(**{name: np.concatenate(values) for name, values in geometry.items()})
     return scene
 
 
