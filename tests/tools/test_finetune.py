@@ -118,7 +118,7 @@ def test_a_published_network_learns_one_sample(tmp_path, bundle):
     pipeline = PublishedPipeline(bundle, torch.device("cpu"), torch.float32)
     sample = build_sample(sample_paths(tmp_path)[0], pipeline)
     assert picture_size(tmp_path) == 64 and sample.image.shape == (1, 3, 64, 64)
-    assert sample.shown.any() and not sample.shown.all() and not (sample.image * ~sample.shown).any()
+    assert sample.mask.any() and not sample.mask.all() and not (sample.image * ~sample.mask).any()
     network = published.trainable(pipeline.load("transformer_512"))
     state, found = TrainingState(network, 3e-4, 0.0, 0.9), []
     for _ in range(8):
@@ -158,7 +158,7 @@ def test_training_sees_what_rendering_sees(tmp_path, bundle):
     network = renderer.pipeline.load("transformer_512")
     with torch.no_grad():
         log_image = network.render_view(network.encode_scene(sample.inputs), sample.rays)
-    seen = (to_radiance(log_image).clamp(min=0) * sample.shown)[0].movedim(0, -1).numpy()
+    seen = (to_radiance(log_image).clamp(min=0) * sample.mask)[0].movedim(0, -1).numpy()
     view, guides = floor_view()
     encoded = renderer.encode(floor_scene())
     expected = encoded.view(view, guides) * encoded.normalization.exposure

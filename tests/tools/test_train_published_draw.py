@@ -128,12 +128,12 @@ def test_a_crop_has_the_rays_of_the_whole_camera(tmp_path, pipeline):
     rows, columns = torch.meshgrid(torch.arange(256.0), torch.arange(192.0), indexing="ij")
     pixel = torch.stack([rows, columns, rows * columns])[None].repeat(3, 1, 1, 1)
     sample = replace(sample, rays=replace(sample.rays, origin=torch.eye(3), directions=pixel.movedim(1, -1)),
-                     image=pixel, shown=pixel[:, :1] > 100)
+                     image=pixel, mask=pixel[:, :1] > 100)
     starts = set()
     for seed in range(20):
         small = cropped(sample, 128, 64, torch.Generator().manual_seed(seed))
         assert small.image.shape == (3, 3, 128, 128) and torch.equal(small.rays.directions.movedim(-1, 1), small.image)
-        assert torch.equal(small.shown, small.image[:, :1] > 100) and torch.equal(small.rays.origin, torch.eye(3))
+        assert torch.equal(small.mask, small.image[:, :1] > 100) and torch.equal(small.rays.origin, torch.eye(3))
         starts |= {tuple(view[:2, 0, 0].tolist()) for view in small.image}
         assert torch.equal(small.image[0, :2] - small.image[0, :2, :1, :1], pixel[0, :2, :128, :128])
     assert starts == {(y, x) for y in (0, 64, 128) for x in (0, 64)}

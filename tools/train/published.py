@@ -44,7 +44,7 @@ def sample_loss(network: RenderFormer, sample: PublishedSample, perceptual) -> d
     Log images are compared, so that what the network draws below zero has gradients, too.
     """
     log_image = network.render_view(network.encode_scene(sample.inputs), sample.rays)
-    return {"total": paper_loss(log_image.float() * sample.shown, log_radiance(sample.image), perceptual)}
+    return {"total": paper_loss(log_image.float() * sample.mask, log_radiance(sample.image), perceptual)}
 
 
 def train(options: argparse.Namespace, config: TrainConfig) -> None:

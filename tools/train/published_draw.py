@@ -43,14 +43,14 @@ class Drawn:
 def with_views(sample: PublishedSample, chosen: Tensor) -> PublishedSample:
     """Only those views, in this order."""
     rays = ViewInputs(sample.rays.origin[chosen], sample.rays.directions[chosen])
-    return replace(sample, rays=rays, image=sample.image[chosen], shown=sample.shown[chosen])
+    return replace(sample, rays=rays, image=sample.image[chosen], mask=sample.mask[chosen])
 
 
 def cropped(sample: PublishedSample, size: int, side: int, generator: torch.Generator) -> PublishedSample:
     """A square of each view, or all of a smaller one, that begins at a random multiple of `side`; with its own rays."""
-    shape = sample.shown.shape[2:]
+    shape = sample.mask.shape[2:]
     starts = [[side * int(torch.randint(max(whole - size, 0) // side + 1, (), generator=generator)) for whole in shape]
-              for _ in sample.shown]
+              for _ in sample.mask]
 
     def cut(pictures: Tensor) -> Tensor:
         """(V, C, H, W)."""
@@ -58,7 +58,7 @@ def cropped(sample: PublishedSample, size: int, side: int, generator: torch.Gene
 
     directions = cut(sample.rays.directions.movedim(-1, 1)).movedim(1, -1)
     return replace(sample, rays=ViewInputs(sample.rays.origin, directions), image=cut(sample.image),
-                   shown=cut(sample.shown))
+                   mask=cut(sample.mask))
 
 
 def moved(sample: PublishedSample, offset: Tensor) -> PublishedSample:

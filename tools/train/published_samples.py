@@ -44,7 +44,7 @@ class PublishedSample(TensorGroup):
     inputs: NetworkInputs
     rays: ViewInputs
     image: torch.Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})  # radiance, zero where nothing is compared
-    shown: torch.Tensor = array("V", 1, "H", "W")                      # bool, what is compared
+    mask: torch.Tensor = array("V", 1, "H", "W")                       # bool, what is compared
 
 
 @dataclass
@@ -132,8 +132,9 @@ def build_sample(path: Path, pipeline: PublishedPipeline) -> PublishedSample:
         rays.append(view_inputs(normalization.view(larger)))
         pictures.append(picture)
         masks.append(mask)
-    image, shown = torch.from_numpy(np.stack(pictures)).movedim(-1, 1).contiguous(), torch.from_numpy(np.stack(masks))
-    return PublishedSample(encode(as_trained(normalized, emits), pipeline), stacked(rays), image, shown[:, None])
+    image = torch.from_numpy(np.stack(pictures)).movedim(-1, 1).contiguous()
+    return PublishedSample(encode(as_trained(normalized, emits), pipeline), stacked(rays), image,
+                           torch.from_numpy(np.stack(masks))[:, None])
 
 
 def build_copy(path: Path, pipeline: PublishedPipeline, copy: int) -> Copy:
