@@ -85,7 +85,7 @@ def bake(scene, layer, what: BakedOutput) -> np.ndarray:
 
 
 def _read_tiles(image, tiles: int, side: int) -> np.ndarray:
-    """(tiles^2, side, side, 3) f32 of an image with so many tiles in a row."""
+    """(tiles^2, side, side, 3) f32 of an image that has `tiles` tiles in a row."""
     pixels = np.empty(4 * image.size[0] * image.size[1], np.float32)
     image.pixels.foreach_get(pixels)
     grid = pixels.reshape(tiles, side, tiles, side, 4).transpose(0, 2, 1, 3, 4)

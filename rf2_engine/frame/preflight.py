@@ -151,7 +151,7 @@ def _inspect(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: 
 
 
 def _remaining_seconds(pictures: Pictures, settings: FrameSettings, optics: Optics, triangles: int) -> float | None:
-    """Expected seconds of a view layer whose scene of so many triangles is converted; None if never measured."""
+    """Expected seconds of a view layer whose scene is converted and has that many triangles; None if never measured."""
     work = stage_work(pictures, settings, optics) | {
         CONVERT: Work(1, optics.scenes - 1), ENCODE: Work(triangles, optics.shutter_samples),
         TEXTURES: Work(triangles, optics.shutter_samples * settings.network.encodes_textures)}

@@ -13,7 +13,7 @@ CURVE_STEPS = 256
 
 
 def moments(scene: bpy.types.Scene, count: int) -> np.ndarray:
-    """(count,) frames at which each of so many equal shares of the light of an exposure is half done."""
+    """(count,) frames at which each of `count` equal shares of the light of an exposure is half done."""
     settings = scene.render
     curve = settings.motion_blur_shutter_curve
     curve.initialize()

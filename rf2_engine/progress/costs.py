@@ -31,7 +31,7 @@ _memory: dict[str, list[float]] = {}         # MiB that a render added, its pixe
 
 
 def seconds(stage: Stage, units: float, setup: str = "") -> float:
-    """Expected seconds of so many units of a stage's work: as in this setup, or else as in any."""
+    """Expected seconds of a stage's work of that many units: as in this setup, or else as in any."""
     measured = _measured.get(setup, {})
     if stage.key in measured:
         return measured[stage.key] * units
@@ -47,7 +47,7 @@ def measured_seconds(work: dict[Stage, Work], setup: str) -> float | None:
 
 
 def learn(stage: Stage, units: float, taken: float, setup: str = "") -> None:
-    """Remember the seconds taken by so many units of a stage's work."""
+    """Remember the seconds taken by a stage's work of that many units."""
     if units:
         costs = _latest(_measured, setup, {})
         costs[stage.key] = max(taken / units, LEAST_LEARNED * costs.get(stage.key, 0.0))

@@ -47,7 +47,7 @@ class Plan:
             estimate.frame.expect(stage, self._expected(stage))
 
     def learn_memory(self, added: float, pixels: int, triangles: int) -> None:
-        """Learn that a render of this size added so many MiB to Blender's memory."""
+        """Learn the MiB that a render of this size added to Blender's memory."""
         costs.learn_memory(self._setup, not self._work[LOAD].total, added, pixels, triangles)
 
     def _expected(self, stage: Stage) -> float:

@@ -22,7 +22,7 @@ class Stage:
 
 
 class Work(NamedTuple):
-    """What a stage has to do in a view layer: it is entered `times` times, each for so many units."""
+    """What a stage has to do in a view layer: it is entered `times` times, each for `units` units."""
 
     units: float
     times: int = 1

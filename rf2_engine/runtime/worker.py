@@ -51,7 +51,10 @@ class Worker:
             self._changed.notify_all()
 
     def wait_until_idle(self, longest: float = POLL) -> bool:
-        """While a render runs nothing new is begun: what is under way ends. False if it did not in so many seconds."""
+        """Wait until the work under way has ended, `longest` seconds at most; False if it has not.
+
+        No other work begins while a render runs.
+        """
         with self._changed:
             return self._changed.wait_for(lambda: not self._is_busy, longest)
 

@@ -157,7 +157,7 @@ def lock(target: Path, taken: str) -> None:
 
 
 def require_space(target: Path, needed: int) -> None:
-    """Raises ExplainedError if so many bytes do not fit on the disk of `target`."""
+    """Raises ExplainedError if `needed` bytes do not fit on the disk of `target`."""
     free = shutil.disk_usage(target).free
     if free < needed:
         raise ExplainedError(f"the disk of {target} has too little space: {-(-needed // 100_000) / 10} MB are needed, "

@@ -45,7 +45,7 @@ class Texture:
 
 
 def draw_message(message: str, width: int, height: int) -> None:
-    """A few lines in the middle of a region of so many pixels."""
+    """Draw a few lines in the middle of a region of width x height pixels."""
     unit = bpy.context.preferences.system.ui_scale
     blf.size(0, SIZE * unit)
     blf.color(0, *COLOR)

@@ -22,9 +22,9 @@ def first(levels: Sequence[int], seconds: dict[int, float], is_dragged: bool = F
 
 
 def following(levels: Sequence[int], last: int, took: float, limit: float, seconds: dict[int, float]) -> int | None:
-    """The level after `last`, which took so many seconds; None where it is the last one that fits into the limit.
+    """The level after `last`; None where that is the last one that fits into the limit.
 
-    limit: seconds that a level may take, 0 = any. seconds: that levels took before.
+    took: seconds of `last`. limit: seconds that a level may take, 0 = any. seconds: of levels that were drawn before.
     """
     finer = [divisor for divisor in levels if divisor < last]
     if not finer:

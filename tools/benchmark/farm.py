@@ -55,7 +55,7 @@ extension.leave(0)
 
 @dataclass(frozen=True)
 class FrameCosts:
-    """What frames cost with so many processes at once; seconds are medians, memory is the most of any."""
+    """What frames cost with `processes` at once; seconds are medians, memory is the most of any."""
 
     processes: int
     threads: int       # of each
@@ -67,15 +67,15 @@ class FrameCosts:
     core_seconds: float       # that a frame kept a core busy, start and first frames included; 0 on Windows
 
     def task_seconds(self, frames: int) -> float:
-        """Seconds of a process that renders so many frames."""
+        """Seconds of a process that renders this number of frames."""
         return self.start + self.first + (frames - 1) * self.later
 
     def machine_seconds(self, frames: int) -> float:
-        """The machine's seconds for a frame, if each process renders so many."""
+        """The machine's seconds for a frame, if each process renders this number of frames."""
         return self.task_seconds(frames) / frames / self.processes
 
     def job_hours(self, total: int, machines: int, frames: int) -> float:
-        """Hours of a job of equal tasks of so many frames; the last ones leave machines idle."""
+        """Hours of a job of equal tasks, each of `frames` frames; the last ones leave machines idle."""
         rounds = math.ceil(math.ceil(total / frames) / (machines * self.processes))
         return rounds * self.task_seconds(frames) / 3600
 

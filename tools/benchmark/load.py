@@ -59,7 +59,7 @@ def count_cores() -> int:
 
 @contextmanager
 def busy_programs(programs: int):
-    """Run so many processes that never rest."""
+    """Run a number of processes that never rest."""
     running = [subprocess.Popen([sys.executable, "-c", "while 1: pass"]) for _ in range(programs)]
     try:
         yield

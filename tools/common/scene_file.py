@@ -37,8 +37,8 @@ class RenderOptions:
     weights: str | None = None                 # BUNDLED, or a folder
     threads: int | None = None
     light: str | None = None                   # of LIGHTS
-    with_reference: bool = False               # beside Cycles, with
-    reference_samples: int | None = None       # so many samples
+    with_reference: bool = False               # beside a reference by Cycles
+    reference_samples: int | None = None       # of that reference
     unclamped: bool = False                    # Cycles keeps light that has bounced as it is
     device: str | None = None                  # of the network, as model/renderer.py takes it
     precision: str | None = None               # likewise

@@ -182,7 +182,7 @@ def report_unwritable(out: Path, error: OSError) -> int:
 
 
 def share_out(processes: int, threads: int) -> int:
-    """Run this command line as so many processes, each with its part of the seeds; 1 if any of them fails."""
+    """Run this command line as several processes, each with its part of the seeds; 1 if any of them fails."""
     command = [sys.executable, "-m", "tools.datagen", *sys.argv[1:], "--processes", str(processes)]
     running = [subprocess.Popen([*command, "--threads", str(threads), "--part", str(i + 1)]) for i in range(processes)]
     return int(any([process.wait() for process in running]))

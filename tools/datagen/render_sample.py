@@ -117,7 +117,7 @@ def prepare(threads: int) -> None:
 
 
 def take_over(render: bpy.types.RenderSettings, threads: int) -> None:
-    """Make `DatagenEngine` the engine of a scene, with so many threads (0 = one per core)."""
+    """Make `DatagenEngine` the engine of a scene, with this number of threads (0 = one per core)."""
     render.engine = DatagenEngine.bl_idname
     render.resolution_percentage = 100
     render.threads_mode = "FIXED" if threads else "AUTO"

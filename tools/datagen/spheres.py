@@ -112,7 +112,7 @@ def monochrome(image: bpy.types.Image) -> bpy.types.Image:
 
 
 def set_parameters(tree: bpy.types.ShaderNodeTree, mapper: str, values: np.ndarray) -> None:
-    """Make the material what the mapper means by so many values (docs/scene-input.md 3.2)."""
+    """Make the material what the mapper means by these values (docs/scene-input.md 3.2)."""
     values, output = [float(value) for value in values], tree.nodes["Material Output"].inputs["Surface"]
     if mapper == "diffspec_mapper":
         lobes = [tree.nodes.get(kind) or tree.nodes.new(f"ShaderNodeBsdf{kind}") for kind in ("Diffuse", "Glossy")]

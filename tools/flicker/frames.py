@@ -68,7 +68,7 @@ def read_frame(view: View, file: Path) -> Frame:
 def step_frames(scene: bpy.types.Scene, frames: int, degrees: float) -> Iterator[View]:
     """Set the scene to one frame after the other, from its first one, and yield the camera's View.
 
-    The camera turns by so many degrees a frame about a vertical axis, with the pose that the file is saved in in the
+    The camera turns by `degrees` a frame about a vertical axis, with the pose that the file is saved in in the
     middle; with 0 degrees it is animated as in the file. Raises SceneError when there is no usable camera.
     """
     from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera

@@ -73,7 +73,7 @@ def measure(options: argparse.Namespace, count: int, name: str, weights: Path) -
 
 
 def ring_file(count: int, folder: Path) -> Path:
-    """The benchmark's scene with so many triangles, as a .blend file."""
+    """Save the benchmark's scene with that many triangles as a .blend file."""
     import bpy
     path = folder / f"ring_{count}.blend"
     if not path.exists():

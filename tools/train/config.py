@@ -62,7 +62,7 @@ class TrainConfig:
     cosine_steps: int | None = None  # after the warm-up, in which the rate falls to LEAST_RATE; None: it stays
     network: dict = field(default_factory=dict)  # settings of ModelConfig that differ from the preset's (ablations)
     muon: tuple[str, ...] = ()   # how the names of the layers begin whose matrices Muon updates, not AdamW,
-    muon_rate: float = 1.0       # so many times as fast
+    muon_rate: float = 1.0       # with this factor on the learning rate
     parts: tuple[str, ...] = ("",)  # how the names of the tensors begin that are trained; the others stay
     copies: int = 1              # of a published sample: itself, and others that are turned and recoloured
     offset: float = 0.0          # network units by which they are moved, standard deviation along each axis

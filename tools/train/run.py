@@ -78,7 +78,7 @@ def run(state: TrainingState, config: TrainConfig, options: argparse.Namespace, 
 
 
 def _count_samples(scenes_per_step: int, batch: int) -> int:
-    """Samples of so many scenes each that this process draws for a step."""
+    """The number of samples, each of `batch` scenes, that this process draws for a step."""
     scenes = ranks.share(scenes_per_step, "--scenes-per-step")
     if scenes % batch:
         raise TrainingError(f"a step of {scenes} scenes is no whole number of batches of {batch}: change --batch or "
@@ -107,7 +107,7 @@ def resume(state: TrainingState, saved: Path) -> None:
 
 
 def _remaining_share(options: argparse.Namespace, step: int, elapsed: float) -> float:
-    """Share of the learning rate after so many steps and seconds: 1, falling at the end, 0 when training is over."""
+    """Share of the learning rate after this step and time: 1, falling at the end, 0 when training is over."""
     if options.steps is not None and step >= options.steps:
         return 0.0
     if options.minutes is None:

@@ -25,7 +25,7 @@ from .instances import copies_of, drop_instances, middles_and_scales
 from .visible import GRID, VisiblePoints
 
 HIDDEN = 0.05      # how much of the picture counts that something would fill if it were not hidden
-LEVEL = 8          # instances that look so many times as large as others are simplified apart from them
+LEVEL = 8          # ratio of the apparent sizes from which on instances are simplified apart from each other
 LEVELS = 5
 SAMPLE = 20_000    # triangles that tell how curved a mesh is
 TEXTURE, FLAT = 1.0, 0.1  # curvature that textures, and the lack of both, are worth

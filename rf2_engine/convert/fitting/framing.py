@@ -17,9 +17,9 @@ from ..meshes.reduce import COARSEST
 from .apparent_size import ApparentSize
 from .visible import VisiblePoints
 
-NEAR, FAR = 10, 30  # what is so many times as far as this percentile of the distances is background
+NEAR, FAR = 10, 30  # percentile of the distances; what is FAR times as far away is background
 REACH = 1.5         # half of the box, in halves of the picture's longer side at the usual distance
-ROOM = 1.15   # a mesh that loses triangles loses so many times as many: room for others in the next frames
+ROOM = 1.15   # factor on the triangles that a mesh loses, if any: room for others in the next frames
 STEADY = 1.3  # a mesh keeps its triangles while its new share is within this factor
 STEP = 1.3    # between the numbers of triangles that a mesh may have otherwise
 

@@ -17,8 +17,8 @@ from ..meshes.reduce import COARSEST
 from ..meshes.sampling import keep_sample
 
 DETAIL = 0.6     # of the budget at most goes to the coarsest shapes of many instances
-SHINING = 0.5    # of that goes to those that shine at most,
-LEAST = 0.125    # and so much at least
+SHINING = 0.5    # of that goes to those that shine, at most
+LEAST = 0.125    # ... at least
 
 
 def drop_instances(parts: list[Part], shares_of_picture: list[np.ndarray], targets, budget: int, report):

@@ -94,7 +94,7 @@ def _within_numbers(shape: RenderScene, name: str, report) -> RenderScene:
 
 
 def _merge_lamps(shapes: list[RenderScene], most: int, sphere: BoundingSphere) -> list[RenderScene]:
-    """At most so many lamps (or one of each kind and light group) that give as much light of each colour."""
+    """At most `most` lamps (or one of each kind and light group) that give as much light of each colour."""
     flux, positions, facing, kind = (np.array(rows) for rows in zip(*map(_summary, shapes), strict=True))
     power = flux.mean(axis=1)
     offset = positions - sphere.center

@@ -58,7 +58,7 @@ def split_suns(environment: np.ndarray) -> tuple[np.ndarray, list[Sun]]:
 
 
 def merge_suns(suns: list[Sun], most: int) -> list[Sun]:
-    """At most so many suns, each with the light of all from about its direction on surfaces that face it."""
+    """At most `most` suns, each with the light of all from about its direction on surfaces that face it."""
     toward = np.array([sun.toward for sun in suns])
     light = np.array([sun.irradiance for sun in suns])
     power = light.mean(axis=1)

@@ -158,7 +158,7 @@ def _emission(output, directions: np.ndarray, report, world: World, ray: Ray) ->
 
 
 def _band(output, first_row, columns, fineness, report, world: World, ray: Ray) -> np.ndarray:
-    """BAND_ROWS rows of the map, of so many columns."""
+    """(BAND_ROWS, columns, 3) rows of the map."""
     height, width = ENVIRONMENT_SHAPE[0] * fineness, columns * fineness
     rows = np.arange(first_row * fineness, (first_row + BAND_ROWS) * fineness)
     radiance = _emission(output, latlong_directions(rows, height, width), report, world, ray)

@@ -16,7 +16,7 @@ STUCK = 1.05
 UNIT = 2.0              # the new edges, for QSlim
 WHOLE = 200_000         # faces at most at one go, and before what is left of blocks is simplified together,
 ROUGH = 4               # times the target, to which the first pass simplifies
-FAST, DENSE = 30_000, 2.0  # without the package: more faces than these are merged by so many cubes to a new edge
+FAST, DENSE = 30_000, 2.0  # without the package: more faces than FAST are merged, by DENSE cubes to a new edge
 
 
 def reduce_points(points: np.ndarray, faces: np.ndarray, target: int) -> np.ndarray:

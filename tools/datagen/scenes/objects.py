@@ -24,7 +24,7 @@ SMALL = 0.2, 0.45  # when there are more
 
 def build_objects(rng: np.random.Generator, room: Room, count: int, triangle_limit: int = 1800, *,
                   fill: bool = False) -> list[bpy.types.Object]:
-    """`count` objects in the room, so many triangles together; most rest on the floor, few overlap."""
+    """`count` objects in the room, of that many triangles together; most rest on the floor, few overlap."""
     spheres: list[tuple[np.ndarray, float]] = []
     return [place_object(rng, room, build_object(rng, f"object {i}", triangle_limit // count, fill=fill), count,
                          spheres) for i in range(count)]
