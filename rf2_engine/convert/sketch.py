@@ -40,21 +40,13 @@ class Sketch:
         """before: an earlier one, whose tree holds where the same surfaces are at the same places."""
         self._items = [item for item in copied.objects if isinstance(item, tuple) and item[0].is_shown]
         self._shows = [tuple(map(has_surface, surface.slots)) for surface, _ in self._items]
-        if before is not None and before._places() == self._places():
-            self._rows, self.triangles, self._starts = before._rows, before.triangles, before._starts
-            self._center, self._rays = before._center, before._rays
-            return
-        self._rows: list[np.ndarray] = []  # of each item's mesh
-        share, triangles = self._share(), []
-        for i, ((surface, instance), shows) in enumerate(zip(self._items, self._shows, strict=True)):
-            progress.report(i / len(self._items))
-            rows, corners = _shown(surface, np.array(shows), share)
-            self._rows.append(rows)
-            triangles.append(_transformed(corners, instance.matrix))
-        self.triangles = np.concatenate([np.zeros((0, 3, 3), np.float32), *triangles])
-        self._starts = np.cumsum([0, *map(len, self._rows)])
-        self._center = self.triangles[:1].reshape(-1, 3)[:1].sum(axis=0)
-        self._rays = Rays(self.triangles - self._center)
+        has_moved = before is None or before._places() != self._places()
+        self._surfaces = _Surfaces(self._items, self._shows) if has_moved else before._surfaces
+
+    @property
+    def triangles(self) -> np.ndarray:
+        """(n, 3, 3) f32 corners of what rays meet, world."""
+        return self._surfaces.triangles
 
     def _places(self) -> list[tuple]:
         """Equal for the same surfaces at the same places."""
@@ -69,9 +61,10 @@ class Sketch:
         shape, rays = rays.shape[:2], rays.reshape(-1, 3)
         picture = np.full((len(rays), 4), 0 if transparent else BACKGROUND, np.float32)
         picture[:, 3] = not transparent
-        starts, at = np.broadcast_to(origin - self._center, rays.shape).astype(np.float32), np.arange(len(rays))
+        starts = np.broadcast_to(origin - self._surfaces.center, rays.shape).astype(np.float32)
+        at = np.arange(len(rays))
         for layer in range(LAYERS):
-            hits = self._rays.closest(starts, rays[at])
+            hits = self._surfaces.rays.closest(starts, rays[at])
             is_hit = hits.triangle >= 0
             at, starts = at[is_hit], starts[is_hit]
             if not len(at):
@@ -83,17 +76,9 @@ class Sketch:
             at = at[passes]
         return picture.reshape(*shape, 4)
 
-    def _share(self) -> float:
-        """The share of all triangles that rays meet."""
-        return min(MOST / max(sum(len(surface.real_mesh) for surface, _ in self._items), 1), 1.0)
-
     def _colors(self, triangle: np.ndarray, weights: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(P, 3) as if lit by the camera, and (P,) the share of light that goes straight through."""
-        item = np.searchsorted(self._starts, triangle, "right") - 1
-        row = np.empty_like(triangle)
-        for number in np.unique(item):
-            own = item == number
-            row[own] = self._rows[number][triangle[own] - self._starts[number]]
+        item, row = self._surfaces.locate(triangle)
         share = corner_weights(weights).astype(np.float32)
         color, clear = np.zeros((len(triangle), 3), np.float32), np.zeros(len(triangle), np.float32)
         surfaces = {}
@@ -119,6 +104,34 @@ class Sketch:
             smooth = interpolated(share[own], surface.real_mesh.normals[row[own]])
             normals[own] = smooth @ np.linalg.pinv(instance.matrix[:3, :3])
         return facing(unit(normals), rays)
+
+
+class _Surfaces:
+    """What rays meet of (surface, instance) items: all of their triangles, or a sample of each mesh."""
+
+    def __init__(self, items: list[tuple[CopiedMesh, Instance]], shows: list[tuple[bool, ...]]) -> None:
+        """shows: by item, of each slot whether it has a surface."""
+        self._rows: list[np.ndarray] = []  # of each item's mesh
+        share = min(MOST / max(sum(len(surface.real_mesh) for surface, _ in items), 1), 1.0)
+        triangles = []
+        for i, ((surface, instance), slots) in enumerate(zip(items, shows, strict=True)):
+            progress.report(i / len(items))
+            rows, corners = _shown(surface, np.array(slots), share)
+            self._rows.append(rows)
+            triangles.append(_transformed(corners, instance.matrix))
+        self.triangles = np.concatenate([np.zeros((0, 3, 3), np.float32), *triangles])
+        self._starts = np.cumsum([0, *map(len, self._rows)])
+        self.center = self.triangles[:1].reshape(-1, 3)[:1].sum(axis=0)
+        self.rays = Rays(self.triangles - self.center)
+
+    def locate(self, triangle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(P,) items of triangles (P,), and (P,) their rows in the meshes of these."""
+        item = np.searchsorted(self._starts, triangle, "right") - 1
+        row = np.empty_like(triangle)
+        for number in np.unique(item):
+            own = item == number
+            row[own] = self._rows[number][triangle[own] - self._starts[number]]
+        return item, row
 
 
 def _shown(surface: CopiedMesh, shows: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray]:

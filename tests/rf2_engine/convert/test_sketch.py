@@ -86,10 +86,10 @@ def test_another_copy_of_the_same_surfaces_shares_their_tree(scene):
     moved = cube(scene)
     copied = copy(depsgraph(), Report())
     first = Sketch(copied)
-    assert Sketch(copied, first)._rays is first._rays
+    assert Sketch(copied, first)._surfaces is first._surfaces
     moved.location.x = 0.5
     bpy.context.view_layer.update()
-    assert Sketch(copy(depsgraph(), Report()), first)._rays is not first._rays
+    assert Sketch(copy(depsgraph(), Report()), first)._surfaces is not first._surfaces
 
 
 @pytest.mark.parametrize("slots", [0, 1])
