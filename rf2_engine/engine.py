@@ -20,9 +20,6 @@ class RenderFormerEngine(bpy.types.RenderEngine):
     bl_use_preview = False
     bl_use_spherical_stereo = True        # its settings are shown, so that they can be switched off
 
-    def __init__(self, *args, **kwargs):
-        super().__init__(*args, **kwargs)
-
     def update_render_passes(self, scene, view_layer):
         passes.register(self, scene, view_layer, frame_settings.light_passes(scene))
         reference.register_passes(self, scene, view_layer)

@@ -86,16 +86,16 @@ def _tile_size(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, o
     return ALWAYS["cycles.tile_size"] if is_quick or on_gpu else math.isqrt(tile)
 
 
-def _set_camera(depsgraph: bpy.types.Depsgraph, model: CameraModel, override: Overrides) -> None:
+def _set_camera(depsgraph: bpy.types.Depsgraph, camera: CameraModel, override: Overrides) -> None:
     scene, layer = depsgraph.scene_eval, bpy.utils.escape_identifier(depsgraph.view_layer_eval.name)
     override(scene, {"cycles.rolling_shutter_type": "NONE"})
-    if not model.motion_blur:
+    if not camera.motion_blur:
         override(scene, {f'view_layers["{layer}"].use_motion_blur': False})
-    if not model.depth_of_field:
+    if not camera.depth_of_field:
         for data in {obj.data for obj in _objects(depsgraph) if obj.type == "CAMERA"}:  # each may be an eye
             override(data, {"dof.use_dof": False})
-    if model.move_cameras is not None:
-        model.move_cameras(override)
+    if camera.move_cameras is not None:
+        camera.move_cameras(override)
 
 
 def _set_catchers(depsgraph: bpy.types.Depsgraph, catchers: Catchers, override: Overrides) -> None:

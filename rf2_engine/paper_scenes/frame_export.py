@@ -88,8 +88,8 @@ class _Export:
                               self.report)
         (self.folder / MESHES).mkdir(parents=True, exist_ok=True)
         for part in collected.parts:
-            for place in part.instances:
-                self._add_part(part, place)
+            for instance in part.instances:
+                self._add_part(part, instance)
         for lamp in lamps:
             self._add_lamp(lamp)
         self._add_media(collected)
@@ -117,23 +117,23 @@ class _Export:
                 cameras.append(_frame_camera(matrix, float(np.degrees(evaluated.data.angle))))
         return cameras
 
-    def _add_part(self, part: Part, place: Instance) -> None:
+    def _add_part(self, part: Part, instance: Instance) -> None:
         for slot in np.unique(part.mesh.slot):
             mesh = part.mesh.take(part.mesh.slot == slot)
-            described = self._describe_material(part.materials[slot], mesh, place)
-            corners, normals = meshes.transform(mesh, place.matrix)
+            described = self._describe_material(part.materials[slot], mesh, instance)
+            corners, normals = meshes.transform(mesh, instance.matrix)
             usable = meshes.within_reach(corners) & meshes.has_area(corners)
             if usable.any():
                 uv = mesh.uv.get(mesh.active_uv)
-                self._add(place.name or part.name, corners[usable], normals[usable], None if uv is None else uv[usable],
-                          described)
+                self._add(instance.name or part.name, corners[usable], normals[usable],
+                          None if uv is None else uv[usable], described)
 
-    def _describe_material(self, material, mesh, place: Instance) -> DescribedMaterial:
+    def _describe_material(self, material, mesh, instance: Instance) -> DescribedMaterial:
         """The description of a material; computed once if nothing in it depends on the mesh or the instance."""
         key = material, mesh.active_uv
         if key not in self._materials:
             before = len(self.report.entries)
-            described = describe(material, mesh, place, self.report)
+            described = describe(material, mesh, instance, self.report)
             if len(self.report.entries) > before:  # it may be another one elsewhere
                 return described
             self._materials[key] = described

@@ -49,10 +49,10 @@ class Simplification:
             area, count = part.mesh.area, len(part.mesh)
             if part.real is None:
                 part.real = part.mesh
-            lens = None if self.apparent is None else ApparentSpace(matrix, self.apparent)
+            space = None if self.apparent is None else ApparentSpace(matrix, self.apparent)
             with progress.part(i / len(self.parts), (i + 1) / len(self.parts),
                                f"Simplifying meshes, {i + 1} of {len(self.parts)}"):
-                simplified = partial(reduce.simplify, part.mesh, int(target), lens)
+                simplified = partial(reduce.simplify, part.mesh, int(target), space)
                 if cache is None:
                     part.mesh = simplified()
                 else:

@@ -20,15 +20,16 @@ ALIGNED = 0.7           # cosine between the normals of a triangle and of the fi
 SEAMS = 0.1             # largest share of the edges at UV seams that is preserved
 
 
-def simplify(mesh: TriangleMesh, target: int, lens=None) -> TriangleMesh:
-    """At most `target` triangles of about the same shape, as judged through `lens`, or in the object's own frame.
+def simplify(mesh: TriangleMesh, target: int, space=None) -> TriangleMesh:
+    """At most `target` triangles of about the same shape.
 
+    space: the ApparentSpace in which shapes are compared; the frame of the object if None.
     Normals, UVs, colours and material slots come from the nearest original triangle.
     """
     if len(mesh) <= target:
         return mesh
     progress.report(0.0)
-    mesh, points, faces = _thinned(mesh, target, lens)
+    mesh, points, faces = _thinned(mesh, target, space)
     if len(mesh) <= target:
         return mesh
     with progress.part(0.05, 0.15):
@@ -36,12 +37,12 @@ def simplify(mesh: TriangleMesh, target: int, lens=None) -> TriangleMesh:
     with progress.part(0.15, 0.3):
         surface = NearestTriangles(points, faces)
     progress.report(0.3)
-    apparent = points if lens is None else lens.enter(points)
+    apparent = points if space is None else space.enter(points)
     with progress.part(0.35, 0.6):
         corners = reduce_points(apparent, faces, target)
     progress.report(0.6)
-    if lens is not None:
-        corners = lens.leave(corners)
+    if space is not None:
+        corners = space.leave(corners)
     corners = corners.reshape(-1, 3, 3).astype(np.float32)
     corners = corners[meshes.within_reach(corners)]
     corners = corners[meshes.has_area(corners)]
@@ -60,15 +61,15 @@ def simplify(mesh: TriangleMesh, target: int, lens=None) -> TriangleMesh:
     return _with_attributes(corners[rows], mesh, owner[nearest[rows]])
 
 
-def _thinned(mesh: TriangleMesh, target: int, lens) -> tuple[TriangleMesh, np.ndarray, np.ndarray]:
+def _thinned(mesh: TriangleMesh, target: int, space) -> tuple[TriangleMesh, np.ndarray, np.ndarray]:
     """The mesh without pieces and detail that are far too small for `target` triangles, and its points and faces as of
     `weld`."""
     points, faces = weld(mesh.corners)
-    thinned = thin_pieces(mesh, points, faces, target, lens)
+    thinned = thin_pieces(mesh, points, faces, target, space)
     if thinned is not mesh:
         mesh, (points, faces) = thinned, weld(thinned.corners)
     if len(mesh) > MANY * target:
-        chosen, faces, rows = without_detail(points if lens is None else lens.enter(points), faces, target)
+        chosen, faces, rows = without_detail(points if space is None else space.enter(points), faces, target)
         mesh, points = mesh.take(rows), points[chosen]
     return mesh, points, faces
 

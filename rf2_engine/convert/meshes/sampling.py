@@ -68,10 +68,10 @@ def _along_a_curve(positions: np.ndarray) -> np.ndarray:
     return np.argsort(code, kind="stable")
 
 
-def thin_pieces(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, target: int, lens) -> TriangleMesh:
+def thin_pieces(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, target: int, space) -> TriangleMesh:
     """`mesh`, or, if much of it is pieces that do not fit into `target` triangles, an enlarged sample of them.
 
-    points (v, 3), faces (n, 3): of the mesh, where pieces are connected. lens: as for reduce.simplify.
+    points (v, 3), faces (n, 3): of the mesh, where pieces are connected. space: as for reduce.simplify.
     """
     # By Euler's formula a sheet without holes has more points than half its faces, and a closed piece two more.
     if len(points) - len(faces) / 2 <= target / LEAST:
@@ -83,7 +83,7 @@ def thin_pieces(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, targe
         return mesh
     progress.report()
     corners = mesh.corners.astype(np.float64)
-    apparent = corners if lens is None else lens.enter(corners.reshape(-1, 3)).reshape(corners.shape)
+    apparent = corners if space is None else space.enter(corners.reshape(-1, 3)).reshape(corners.shape)
     low, high = _boxes(piece, corners)
     area = np.bincount(piece, meshes.areas(apparent))
     middle = (low + high) / 2
