@@ -9,7 +9,7 @@ from ..cycles import growing
 from ..progress import last_render
 from ..registering import handlers
 from ..runtime.running import ENGINE
-from ..setup import packages
+from ..setup import extension
 from ..setup.display import redraw_areas
 from . import fitting
 from .state import comparison
@@ -130,7 +130,7 @@ def _call(action, seconds: float) -> None:
 
 
 def _offers_reference() -> bool:
-    preferences = packages.preferences()  # none where a script enabled the add-on
+    preferences = extension.preferences()  # none where a script enabled the add-on
     return preferences is None or preferences.show_reference
 
 

@@ -11,7 +11,7 @@ from ..frame_settings import is_published, read_sampling, traces_light
 from ..preferences import package_panel
 from ..registering import classes
 from ..runtime import device, model_cache
-from ..setup import packages, published_weights
+from ..setup import extension, packages, published_weights
 from ..setup.display import draw_text
 from . import light_paths
 from .panel import EnginePanel
@@ -71,7 +71,7 @@ def _draw_published(layout) -> None:
     if bundle is None or published_weights.missing_parts(bundle) or packages.missing(packages.PUBLISHED):
         column = layout.column()
         draw_text(column, "The published weights, or the packages for them, are incomplete")
-        column.operator("preferences.addon_show", text="Open Preferences").module = packages.EXTENSION
+        column.operator("preferences.addon_show", text="Open Preferences").module = extension.EXTENSION
 
 
 class RENDERFORMER_PT_sampling(EnginePanel):

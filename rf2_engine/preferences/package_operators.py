@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..registering import classes
-from ..setup import display, package_install, packages, wheels
+from ..setup import display, extension, package_install, packages, wheels
 from ..setup.display import draw_text, format_size, free_space
 from . import package_panel
 
@@ -41,7 +41,7 @@ class _Install:
         if problem := self.problem():
             self.report({"ERROR"}, problem)
             return {"CANCELLED"}
-        preferences = packages.preferences()
+        preferences = extension.preferences()
         torch_index = preferences.torch_cpu_index if packages.build() == "CPU" else preferences.torch_cuda_index
         installation = package_install.current.begin(
             packages.folder(create=True), self.required_wheels(), by_content=self.by_content,
@@ -122,7 +122,7 @@ _register, _unregister = classes(
 
 def register() -> None:
     _register()
-    if not packages.shared_folder(packages.PACKAGES_VARIABLE):  # another machine may be at work there
+    if not extension.shared_folder(packages.PACKAGES_VARIABLE):  # another machine may be at work there
         package_install.tidy_up(packages.folder())
 
 

@@ -2,7 +2,7 @@
 """Draw the state of the Python packages: missing, confirmation before installing, being installed."""
 from __future__ import annotations
 
-from ..setup import importing, package_install, packages, wheels
+from ..setup import extension, importing, package_install, packages, wheels
 from ..setup.display import draw_progress, draw_text, format_size, free_space
 
 SLOWER = {  # what takes longer without a package that a render can do without
@@ -46,7 +46,7 @@ def draw_packages(layout, group: dict[str, str], published: bool = False) -> Non
 
 def draw_build(layout) -> None:
     """The build of PyTorch; Linux and Windows have two to choose from."""
-    preferences = packages.preferences()
+    preferences = extension.preferences()
     if installed := packages.installed_build():
         layout.label(text=f"Installed: PyTorch for {installed}", icon="INFO")
     if not wheels.has_builds():
@@ -64,7 +64,7 @@ def draw_build(layout) -> None:
 def draw_choices(layout) -> None:
     """Build of PyTorch, index, repair."""
     draw_build(layout)
-    layout.prop(packages.preferences(), "package_index")
+    layout.prop(extension.preferences(), "package_index")
     if packages.installed() and not package_install.current.is_running:
         if other := packages.other_build():
             layout.operator("renderformer_v2.install_packages", icon="IMPORT", text=f"Change to the {other} Build")

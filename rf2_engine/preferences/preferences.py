@@ -9,7 +9,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ...model.published.bundle_files import LARGE, SMALL, TRANSFORMERS
 from ..runtime import model_cache
-from ..setup import packages, published_weights, weights_download
+from ..setup import extension, packages, published_weights, weights_download
 from ..setup.display import draw_progress, draw_steps, draw_text, format_size, free_space
 from . import package_panel
 
@@ -25,7 +25,7 @@ session = Session()
 
 def networks() -> tuple[str, ...]:
     """The names in bundle_files.TRANSFORMERS that are to be downloaded."""
-    choice = packages.preferences().networks
+    choice = extension.preferences().networks
     return TRANSFORMERS if choice == "BOTH" else (SMALL if choice == "SMALL" else LARGE,)
 
 
@@ -34,7 +34,7 @@ def _set_token(self, value: str) -> None:
 
 
 class RenderFormerPreferences(bpy.types.AddonPreferences):
-    bl_idname = packages.EXTENSION
+    bl_idname = extension.EXTENSION
 
     torch_build: EnumProperty(
         name="PyTorch", description="Build of PyTorch to install on Linux and Windows", default="AUTO",
@@ -93,8 +93,8 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
         if not self.weights_folder:
             package_panel.draw_packages(box, packages.PUBLISHED, published=True)
             _draw_download(box, self)
-        if shared := packages.shared_folder(packages.WEIGHTS_VARIABLE):
-            box.label(text=f"{packages.WEIGHTS_VARIABLE} names {shared}", icon="INFO")
+        if shared := extension.shared_folder(published_weights.WEIGHTS_VARIABLE):
+            box.label(text=f"{published_weights.WEIGHTS_VARIABLE} names {shared}", icon="INFO")
         else:
             box.prop(self, "weights_folder")
         if model_cache.is_loaded():
@@ -104,7 +104,7 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
 def _are_weights_used(preferences: RenderFormerPreferences) -> bool:
     """Whether a folder was chosen or a part of the weights was downloaded, so that missing parts matter."""
     folder = published_weights.download_folder()
-    return bool(preferences.weights_folder or packages.shared_folder(packages.WEIGHTS_VARIABLE)
+    return bool(preferences.weights_folder or extension.shared_folder(published_weights.WEIGHTS_VARIABLE)
                 or folder and folder.is_dir())
 
 
@@ -130,7 +130,7 @@ def _draw_status(layout, is_used: bool) -> None:
 
 
 def _draw_download(layout, preferences: RenderFormerPreferences) -> None:
-    download, offline = weights_download.current.process, packages.offline()
+    download, offline = weights_download.current.process, extension.offline()
     if offline and not packages.missing(packages.PUBLISHED):  # otherwise the button for them says so
         layout.label(text=offline, icon="INTERNET_OFFLINE")
     if download is None or download.state in ("done", "failed", "cancelled"):

@@ -10,7 +10,7 @@ from ...model.published import latent_store
 from ...model.published.as_trained import TRIANGLES, WELL_KNOWN
 from ..registering import classes
 from ..runtime import model_cache, running
-from ..setup import display, packages, published_weights, weights_download
+from ..setup import display, extension, packages, published_weights, weights_download
 from . import preferences
 
 RENDERING = "A render is running"
@@ -23,7 +23,7 @@ def is_rendering() -> bool:
 
 def refusal() -> str:
     """Why nothing can be downloaded now, or ""."""
-    if message := packages.offline():
+    if message := extension.offline():
         return message
     if published_weights.download_folder() is None:
         return "The add-on runs from its source folder: install it as an extension to download weights"
@@ -99,7 +99,7 @@ class RENDERFORMER_OT_remove_weights(bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         folder = published_weights.download_folder()
-        if packages.shared_folder(packages.WEIGHTS_VARIABLE):
+        if extension.shared_folder(published_weights.WEIGHTS_VARIABLE):
             return False  # others use them
         return folder is not None and folder.is_dir() and not weights_download.current.is_running and not is_rendering()
 

@@ -10,11 +10,10 @@ import os
 from functools import partial
 from pathlib import Path
 
-import bpy
 from bpy.app.handlers import persistent
 
 from ..registering import handlers
-from ..setup import packages
+from ..setup import extension
 from .stages import Stage, Work
 
 LEAST_LEARNED = 0.5   # least factor on a known cost: a stage whose work was done already tells little about the next
@@ -97,9 +96,8 @@ def _latest(costs: dict, setup: str, empty):
 
 
 def _file() -> Path | None:
-    if not packages.is_extension():
-        return None  # Blender has no folder for the add-on
-    return Path(bpy.utils.extension_path_user(packages.EXTENSION, create=True)) / "costs.json"
+    folder = extension.user_folder(create=True)
+    return folder and folder / "costs.json"
 
 
 @persistent

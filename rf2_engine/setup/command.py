@@ -14,7 +14,7 @@ import bpy
 from ...model.errors import CheckpointError, SceneError
 from ...model.published.bundle_files import check_weights, is_bundle
 from ...model.weights.presets import BUNDLED, weights_folder
-from . import importing, packages, published_weights, wheels
+from . import extension, importing, packages, published_weights, wheels
 from .display import format_size
 
 NAME = "renderformer_v2"
@@ -58,7 +58,7 @@ def _status(options: argparse.Namespace) -> int:
 
 
 def _install(options: argparse.Namespace) -> int:
-    preferences = packages.preferences()
+    preferences = extension.preferences()
     if preferences is None:
         raise ValueError("the add-on is not enabled in Blender's preferences: blender --command extension install-file "
                          "-r user_default -e FILE.zip")
@@ -98,7 +98,7 @@ def _download() -> None:
     if parts := _missing_weights():
         print(f"RenderFormer-V2: downloading the published weights: {', '.join(parts)}", flush=True)
         _require_online_access()
-        packages.preferences().access_token = os.environ.get("HF_TOKEN", "")
+        extension.preferences().access_token = os.environ.get("HF_TOKEN", "")
         bpy.ops.renderformer_v2.download_weights()
         bpy.ops.renderformer_v2.fetch_weights()
 
@@ -110,7 +110,7 @@ def _missing_weights() -> list[str]:
 
 def _require_online_access() -> None:
     """Raises ValueError if the user has not allowed network access."""
-    if reason := packages.offline():
+    if reason := extension.offline():
         raise ValueError(f"{reason}, or start it as blender --online-mode --command {NAME} install")
 
 

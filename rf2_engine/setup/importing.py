@@ -9,7 +9,7 @@ import threading
 import traceback
 from importlib.util import find_spec
 
-from . import packages, wheels
+from . import extension, packages, wheels
 
 
 class FirstAttempt:
@@ -60,7 +60,7 @@ def _advice(name: str, text: str) -> str:
         where = find_spec(name).origin if name not in sys.modules else "Blender's Python"
         advice = (f"It is the one in {where}: install it again with {sys.executable} -m pip install --force-reinstall "
                   f"{wheels.requirement(packages.PACKAGES[name])}")
-    elif shared := packages.shared_folder(packages.PACKAGES_VARIABLE):
+    elif shared := extension.shared_folder(packages.PACKAGES_VARIABLE):
         advice = (f"The environment variable {packages.PACKAGES_VARIABLE} names {shared}: it has to be filled on a "
                   f"machine with the same system and Python {platform.python_version()}")
     else:

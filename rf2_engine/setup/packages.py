@@ -8,7 +8,6 @@ weights that many machines or users share.
 from __future__ import annotations
 
 import importlib.util
-import os
 import re
 import sys
 from collections.abc import Iterable
@@ -21,7 +20,7 @@ import bpy
 import addon_utils
 
 from ...model.errors import SceneError
-from . import distributions, package_install, wheels
+from . import distributions, extension, package_install, wheels
 
 PACKAGES = {"torch": "torch", "safetensors": "safetensors", "fast_simplification": "fast-simplification",
             "embreex": "embreex"}
@@ -30,10 +29,8 @@ MINIMUM = {"torch": "2.4", "safetensors": "0.4"}  # PyTorch has had rms_norm sin
 PUBLISHED = {  # to download and read the published weights
     "huggingface_hub": "huggingface-hub", "yaml": "pyyaml", "diffusers": "diffusers", "PIL": "pillow",
 }
-EXTENSION = __package__.rsplit(".", 2)[0]
 
 PACKAGES_VARIABLE = "RENDERFORMER_V2_PACKAGES"  # environment: folder of Python packages, as Install Packages makes it
-WEIGHTS_VARIABLE = "RENDERFORMER_V2_WEIGHTS"    # environment: renderformer-v2, or the folder that contains it
 
 BUTTON = "Render Properties > RenderFormer-V2 > Install Packages"
 
@@ -68,41 +65,12 @@ _contents = FolderContents()
 intact = _contents.intact
 
 
-def is_extension() -> bool:
-    """False when run from the source tree, where Blender has no folder for us."""
-    return EXTENSION.startswith("bl_ext.")
-
-
-def preferences() -> bpy.types.AddonPreferences | None:
-    addon = bpy.context.preferences.addons.get(EXTENSION)
-    return addon and addon.preferences
-
-
-def offline() -> str:
-    """Why the network may not be used, or "" when the user allowed it."""
-    if bpy.app.online_access:
-        return ""
-    if bpy.app.online_access_override:
-        return "Blender was started in offline mode: start it again without --offline-mode"
-    return "Allow Online Access in Preferences > System first"
-
-
-def shared_folder(variable: str) -> Path | None:
-    """The folder that the environment names, absolute, whether it exists or not."""
-    text = os.environ.get(variable, "").strip()
-    return Path(text).expanduser().absolute() if text else None
-
-
 def folder(create: bool = False) -> Path | None:
     """Our folder of packages: the shared one, or under Blender's path for this extension.
 
     None when run from the source tree without a shared one.
     """
-    if shared := shared_folder(PACKAGES_VARIABLE):
-        return shared
-    if not is_extension():
-        return None
-    return Path(bpy.utils.extension_path_user(EXTENSION, path="runtime", create=create))
+    return extension.shared_folder(PACKAGES_VARIABLE) or extension.user_folder("runtime", create)
 
 
 def refresh() -> None:
@@ -191,12 +159,14 @@ def installed() -> list[str]:
 
 def build() -> str:
     """The build of PyTorch chosen in the preferences: CUDA or CPU."""
-    return wheels.choose_build(preferences().torch_build if preferences() else "AUTO")
+    preferences = extension.preferences()
+    return wheels.choose_build(preferences.torch_build if preferences else "AUTO")
 
 
 def cuda_release() -> str:
     """The release of CUDA ("cu132") of PyTorch's build for Windows."""
-    return wheels.parse_cuda_release(preferences().torch_cuda_index) if preferences() else wheels.CUDA
+    preferences = extension.preferences()
+    return wheels.parse_cuda_release(preferences.torch_cuda_index) if preferences else wheels.CUDA
 
 
 def installed_build() -> str:
@@ -238,7 +208,7 @@ def other_build() -> str:
 
 def refusal() -> str:
     """Why nothing can be installed now, or ""."""
-    if message := offline():
+    if message := extension.offline():
         return message
     if folder() is None:
         return "The add-on runs from its source folder: install the packages into this Python"
@@ -269,7 +239,7 @@ def require() -> None:
     if names:
         if problem := unavailable(names):
             raise MissingPackages(problem)
-        if shared := shared_folder(PACKAGES_VARIABLE):
+        if shared := extension.shared_folder(PACKAGES_VARIABLE):
             raise MissingPackages(
                 f"Python packages are missing or incomplete in {shared}: {', '.join(names)}. The environment variable "
                 f"{PACKAGES_VARIABLE} names this folder: correct it, or fill it with blender --online-mode "

@@ -11,8 +11,9 @@ import bpy
 from ...model.errors import CheckpointError
 from ...model.published import bundle_files
 from ...model.published.bundle_files import is_bundle
-from . import packages
+from . import extension
 
+WEIGHTS_VARIABLE = "RENDERFORMER_V2_WEIGHTS"  # environment: renderformer-v2, or the folder that contains it
 NEEDED = (*bundle_files.TRANSFORMERS, *bundle_files.MAPPERS)  # for a render
 BUNDLE, VAE = "renderformer-v2", "Qwen-Image"
 # A "revision" of None is the head. "sha256" has the known hashes of files, which downloads must have.
@@ -35,29 +36,31 @@ def download_folder() -> Path | None:
 
     None when run from the source tree without a shared one.
     """
-    if shared := packages.shared_folder(packages.WEIGHTS_VARIABLE):
+    if shared := extension.shared_folder(WEIGHTS_VARIABLE):
         return shared.parent if is_bundle(shared) else shared
-    if not packages.is_extension():
-        return None
-    return Path(bpy.utils.extension_path_user(packages.EXTENSION, path="weights"))
+    return extension.user_folder("weights")
 
 
 def latents_file() -> Path | None:
     """The file that keeps encoded textures between renders, of limited size; None when run from the source tree."""
-    if not packages.is_extension():
-        return None
-    return Path(bpy.utils.extension_path_user(packages.EXTENSION, path="latents")) / "latents.sqlite"
+    folder = extension.user_folder("latents")
+    return folder and folder / "latents.sqlite"
 
 
 def bundle_folder() -> Path | None:
     """The folder of renderformer-v2, whether it exists or not: shared, or else the user's own, or else downloaded."""
-    if shared := packages.shared_folder(packages.WEIGHTS_VARIABLE):
+    if shared := extension.shared_folder(WEIGHTS_VARIABLE):
         return shared if is_bundle(shared) else shared / BUNDLE
-    chosen = packages.preferences() and packages.preferences().weights_folder
-    if chosen:
+    if chosen := _chosen_folder():
         return Path(bpy.path.abspath(chosen)).expanduser()
     folder = download_folder()
     return folder and folder / BUNDLE
+
+
+def _chosen_folder() -> str:
+    """The folder in the preferences, or ""."""
+    preferences = extension.preferences()
+    return preferences.weights_folder if preferences else ""
 
 
 def missing_parts(bundle: Path) -> list[str]:
@@ -81,15 +84,14 @@ def require() -> Path:
     if bundle and isdir(bundle):
         readable = os.access(bundle, os.R_OK | os.X_OK)
         what = f"in {bundle}: {', '.join(parts)}" if readable else f": {bundle} may not be read"
-    elif packages.shared_folder(packages.WEIGHTS_VARIABLE) or (packages.preferences()
-                                                          and packages.preferences().weights_folder):
+    elif extension.shared_folder(WEIGHTS_VARIABLE) or _chosen_folder():
         what = f": there is no folder {bundle}"
     raise CheckpointError(f"The published weights are not complete {what}. {_remedy()}; or set Weights to Bundled")
 
 
 def _remedy() -> str:
-    if packages.shared_folder(packages.WEIGHTS_VARIABLE):
-        return (f"The environment variable {packages.WEIGHTS_VARIABLE} says where: correct it, or download them there "
+    if extension.shared_folder(WEIGHTS_VARIABLE):
+        return (f"The environment variable {WEIGHTS_VARIABLE} says where: correct it, or download them there "
                 "with blender --online-mode --command renderformer_v2 install --download")
     return "Download them, or choose a folder that has them, in Preferences > Add-ons > RenderFormer-V2"
 

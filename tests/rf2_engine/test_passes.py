@@ -10,7 +10,7 @@ from bl_ext.user_default.renderformer_v2.model.published.bundle_files import TRA
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame_settings import light_passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.panels import view_layer
-from bl_ext.user_default.renderformer_v2.rf2_engine.setup import packages
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
 
 from tests.model.published.bundles import tiny_published_config, write_bundle
 from tests.rf2_engine.f12 import press_f12
@@ -144,7 +144,7 @@ def test_light_that_the_weights_cannot_give_is_absent(scene, tmp_path, monkeypat
     assert light <= sockets(scene) and not passes.absent(scene, scene.view_layers[0], light_passes(scene))
 
     write_bundle(tmp_path / "renderformer-v2", tiny_published_config(), TRANSFORMERS)
-    monkeypatch.setenv(packages.WEIGHTS_VARIABLE, str(tmp_path))
+    monkeypatch.setenv(published_weights.WEIGHTS_VARIABLE, str(tmp_path))
     scene.renderformer_v2.weights_source = "PUBLISHED"
     assert not light & sockets(scene) and "use_pass_diffuse_direct" not in settings_in_panel(scene)
     assert "use_pass_diffuse_color" in settings_in_panel(scene)

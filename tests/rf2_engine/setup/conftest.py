@@ -28,19 +28,19 @@ def index(monkeypatch):
 @pytest.fixture
 def target(scene, index, monkeypatch, tmp_path):
     """Our folder of packages, empty; the add-on asks the index for NAMES."""
-    from bl_ext.user_default.renderformer_v2.rf2_engine.setup import package_install, packages
+    from bl_ext.user_default.renderformer_v2.rf2_engine.setup import extension, package_install, packages
     monkeypatch.setattr(packages, "PACKAGES", NAMES)
     monkeypatch.setattr(packages, "PUBLISHED", {})
     monkeypatch.setattr(packages, "folder", lambda create=False: tmp_path / "runtime")
     monkeypatch.setattr(sys, "path", [*sys.path])
     addon_utils.enable(PACKAGE, default_set=True)
     bpy.context.preferences.system.use_online_access = True
-    packages.preferences().package_index = index.address
+    extension.preferences().package_index = index.address
     packages.refresh()
     yield tmp_path / "runtime"
     package_install.current.forget()
     packages.refresh()
-    packages.preferences().package_index = ""
+    extension.preferences().package_index = ""
     bpy.context.preferences.system.use_online_access = False
     for name in NAMES:
         sys.modules.pop(name, None)

@@ -15,6 +15,7 @@ from bl_ext.user_default.renderformer_v2.model.published.bundle_files import COM
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import (
     command,
     distributions,
+    extension,
     packages,
     published_weights,
 )
@@ -62,7 +63,7 @@ def test_what_is_missing_is_installed_into_a_shared_folder(said, real_folder, in
 
 
 def test_the_build_is_kept_for_later(said, index, target):
-    kept = packages.preferences()
+    kept = extension.preferences()
     try:
         assert said("install", "--build", "cuda")[0] == 0
         assert kept.torch_build == "CUDA"
@@ -92,7 +93,7 @@ def test_an_installation_that_fails_says_why(said, index, target):
 
 
 def test_weights_in_a_folder_are_chosen_when_they_are_complete(said, index, target, bundle):
-    kept = packages.preferences()
+    kept = extension.preferences()
     try:
         assert said("install", "--weights", bundle)[0] == 0
         assert published_weights.require() == bundle
@@ -144,7 +145,7 @@ def test_status_names_packages_that_are_missing(said, scene, monkeypatch):
 
 @pytest.mark.parametrize("named", ["itself", "the folder that holds it"])
 def test_shared_weights_come_before_own_ones_and_are_never_removed(scene, bundle, monkeypatch, named):
-    monkeypatch.setenv(packages.WEIGHTS_VARIABLE, str(bundle if named == "itself" else bundle.parent))
+    monkeypatch.setenv(published_weights.WEIGHTS_VARIABLE, str(bundle if named == "itself" else bundle.parent))
     assert published_weights.require() == bundle
     assert published_weights.download_folder() == bundle.parent
     assert not bpy.ops.renderformer_v2.remove_weights.poll()
@@ -155,11 +156,11 @@ def test_a_variable_that_names_no_weights_is_said_with_its_name(said, scene, mon
     folder = tmp_path / "weights" / "renderformer-v2"
     if named == "empty":
         folder.mkdir(parents=True)
-    monkeypatch.setenv(packages.WEIGHTS_VARIABLE, str(folder.parent))
+    monkeypatch.setenv(published_weights.WEIGHTS_VARIABLE, str(folder.parent))
     code, output, _ = said("status", "--weights", "published")
     (problem,) = json.loads(output)["problems"]
     assert code == 1 and str(folder) in problem and "Preferences" not in problem
-    assert f"{packages.WEIGHTS_VARIABLE} says where: correct it" in problem and "install --download" in problem
+    assert f"{published_weights.WEIGHTS_VARIABLE} says where: correct it" in problem and "install --download" in problem
 
 
 def test_a_variable_that_names_no_packages_is_said_with_its_name(said, scene, monkeypatch, tmp_path):

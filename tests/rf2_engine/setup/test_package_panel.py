@@ -7,7 +7,7 @@ import bpy
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.preferences import package_operators, package_panel, preferences
-from bl_ext.user_default.renderformer_v2.rf2_engine.setup import packages, published_weights, wheels
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import extension, packages, published_weights, wheels
 
 from tests.rf2_engine.layout import Layout
 
@@ -23,7 +23,7 @@ def missing(scene, monkeypatch):  # with an empty scene, because a test before m
 def preferred():
     """The add-on's preferences."""
     addon = bpy.context.preferences.addons.new()
-    addon.module = packages.EXTENSION
+    addon.module = extension.EXTENSION
     return addon.preferences
 
 
@@ -67,9 +67,9 @@ def test_the_dialog_offers_builds_of_pytorch_where_it_is_downloaded(missing, pre
 
 def test_a_greyed_button_has_its_reason_below(missing, monkeypatch):
     missing("torch")
-    monkeypatch.setattr(packages, "offline", lambda: "Enable Allow Online Access first")
+    monkeypatch.setattr(extension, "offline", lambda: "Enable Allow Online Access first")
     assert drawn() == ("Missing Python package: torch Enable Allow Online Access first", 1)
-    monkeypatch.setattr(packages, "offline", lambda: "")
+    monkeypatch.setattr(extension, "offline", lambda: "")
     monkeypatch.setattr(packages, "folder", lambda: None)
     assert "runs from its source folder" in drawn()[0]
 
@@ -89,7 +89,7 @@ def test_published_weights_that_nobody_asked_for_are_no_warning(missing, monkeyp
         ["diffusers"] if group is packages.PUBLISHED else []))
     monkeypatch.setattr(published_weights, "download_folder", lambda: tmp_path / "weights")
     addon = bpy.context.preferences.addons.new()
-    addon.module = packages.EXTENSION
+    addon.module = extension.EXTENSION
 
     def drawn_preferences():
         layout = Layout()
@@ -103,9 +103,9 @@ def test_published_weights_that_nobody_asked_for_are_no_warning(missing, monkeyp
 
 
 def test_the_same_reason_is_not_given_twice(missing, monkeypatch):
-    monkeypatch.setattr(packages, "offline", lambda: "Enable Allow Online Access first")
+    monkeypatch.setattr(extension, "offline", lambda: "Enable Allow Online Access first")
     addon = bpy.context.preferences.addons.new()
-    addon.module = packages.EXTENSION
+    addon.module = extension.EXTENSION
     chosen = addon.preferences
     for names, given in ((["diffusers"], 0), ([], 1)):  # by the panel of the packages, which stands above
         missing(*names)

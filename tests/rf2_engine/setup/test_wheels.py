@@ -8,7 +8,7 @@ from collections import namedtuple
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.preferences import package_panel, preferences
-from bl_ext.user_default.renderformer_v2.rf2_engine.setup import packages, wheels
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import extension, packages, wheels
 
 from tests.rf2_engine.layout import Layout
 from tools.extension import ROOT
@@ -112,10 +112,10 @@ def test_a_python_without_wheels_is_named_instead_of_a_button_that_leads_nowhere
 
 def test_a_greyed_button_has_its_reason_below_it(on, monkeypatch, tmp_path):
     on("linux", "x86_64", 11)
-    monkeypatch.setattr(packages, "offline", lambda: "Allow Online Access in Preferences > System first")
+    monkeypatch.setattr(extension, "offline", lambda: "Allow Online Access in Preferences > System first")
     layout = drawn(monkeypatch, tmp_path)
     assert layout.operators and any("Allow Online Access" in text for text in layout.texts)
-    monkeypatch.setattr(packages, "offline", lambda: "")
+    monkeypatch.setattr(extension, "offline", lambda: "")
     assert not any("Allow Online Access" in text for text in drawn(monkeypatch, tmp_path).texts)
 
 
