@@ -91,7 +91,7 @@ def run(engine: bpy.types.RenderEngine, job: Job, requested: list[pass_table.Pas
 
 def write_copy(folder: str, scene: bpy.types.Scene, job: dict) -> tuple[str, str]:
     """Paths, in this folder, of a copy of the scene and of the job as JSON."""
-    copy, request = (Path(folder) / name for name in ("scene.blend", "job.json"))
+    copy, request = Path(folder, "scene.blend"), Path(folder, "job.json")
     main_thread.call(lambda: bpy.data.libraries.write(str(copy), {scene}, path_remap="ABSOLUTE"))
     request.write_text(json.dumps(job))
     return str(copy), str(request)

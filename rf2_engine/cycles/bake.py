@@ -86,7 +86,7 @@ class Baker:
     def _baked(self, n) -> np.ndarray:
         if self._process is None:
             self._start()
-        corners, answer = (str(Path(self._folder.name) / file) for file in ("corners.npy", "answer.npy"))
+        corners, answer = str(Path(self._folder.name, "corners.npy")), str(Path(self._folder.name, "answer.npy"))
         np.save(corners, n.points.corners)
         instance = n.points.instance
         what = {"object_name": instance.name, "matrix": instance.matrix.tolist(), "material_name": n.evaluator.owner,

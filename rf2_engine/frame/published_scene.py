@@ -23,7 +23,8 @@ def network_input(scene: RenderScene, view: View, settings: FrameSettings, repor
     if settings.network is not Network.PUBLISHED:
         return scene
     bundle, chosen = bundle_and_transformer(Path(settings.weights), settings.transformer)
-    best, available = (choose_transformer(folder, view.longer_side, chosen) for folder in (Path(), bundle))
+    best = choose_transformer(Path(), view.longer_side, chosen)
+    available = choose_transformer(bundle, view.longer_side, chosen)
     if best != available:
         report.approximated(NAME, f"{best} was trained for pictures of this size, but {bundle} has only {available}")
     normalized = Normalization.of(scene).scene(scene)

@@ -77,8 +77,8 @@ class Shot:
         """Decide what the frame is fitted to: what a key frame is, or `own`."""
         self.own = self.framing = own
         if self.keys:
-            first, *block = (self.key_framings[key] or own for key in self.keys)
-            key_framing = block[0] if block and has_left(first.box, block[0].box) else first
+            framings = [self.key_framings[key] or own for key in self.keys]  # of the shot and of the block, or of both
+            key_framing = framings[-1] if has_left(framings[0].box, framings[-1].box) else framings[0]
             if not has_left(key_framing.box, own.box, TOLERANCE):
                 self.framing = key_framing
         return self.framing

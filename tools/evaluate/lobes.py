@@ -49,10 +49,10 @@ def collect_ratios(paths: list[Path], renderer: Renderer) -> Ratios:
             for kind, roughness, pixels in materials(scene, guide):
                 shown = own["combined"][pixels][:, :3].mean()
                 for name, keys in PASSES.items():
-                    estimated, theirs = (sum((light[key] * albedo[key.split("_")[0]])[pixels].mean() for key in keys)
-                                         for light in (ours, own))
-                    if theirs > LEAST_SHARE * shown:
-                        ratios[name, kind, roughness].append(float(estimated / theirs))
+                    estimated, exact = (sum((light[key] * albedo[key.split("_")[0]])[pixels].mean() for key in keys)
+                                        for light in (ours, own))
+                    if exact > LEAST_SHARE * shown:
+                        ratios[name, kind, roughness].append(float(estimated / exact))
     return ratios
 
 

@@ -27,8 +27,8 @@ def _numbers(data: bpy.types.Camera, width: int, height: int, settings: bpy.type
     if data.panorama_type == "EQUIRECTANGULAR":
         return data.longitude_min, data.longitude_max, data.latitude_min, data.latitude_max
     if data.panorama_type == "CENTRAL_CYLINDRICAL":
-        low, high = (side / data.central_cylindrical_radius for side in (data.central_cylindrical_range_v_min,
-                                                                         data.central_cylindrical_range_v_max))
+        low = data.central_cylindrical_range_v_min / data.central_cylindrical_radius
+        high = data.central_cylindrical_range_v_max / data.central_cylindrical_radius
         return data.central_cylindrical_range_u_min, data.central_cylindrical_range_u_max, low, high
     if data.panorama_type == "FISHEYE_EQUIDISTANT":
         return (data.fisheye_fov,)

@@ -73,20 +73,25 @@ def allot_triangles(collected: CollectedScene, budget: int, framing: Framing, hi
     camera, and everything counts alike.
     """
     parts, apparent = collected.parts, framing.apparent
-    counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), copies_of))
+    counts, copies = _counts(parts)
     if not parts or counts @ copies <= budget:
         framing.shares = {} if framing.shares is None else framing.shares
         return Simplification([], np.zeros(0, np.int64), [], apparent)
     shares_of_picture = _shares_of_picture(parts, apparent, hits)
     parts, shares_of_picture, targets = _levels(*drop_instances(parts, shares_of_picture, targets, budget, report))
     collected.parts = parts
-    counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), copies_of))
+    counts, copies = _counts(parts)
     detail = np.array([_curvature(part.mesh) + (TEXTURE if part.is_textured else FLAT) for part in parts])
     weights = (np.array([share.max() for share in shares_of_picture]) * detail) ** (2 / 3)
     shares = share_budget(np.maximum(counts, targets), copies, weights, budget)
     shares = framing.stabilize(_names(parts), shares, counts, copies, budget)
     nearest = [part.matrices[in_picture.argmax()] for part, in_picture in zip(parts, shares_of_picture, strict=True)]
     return Simplification(parts, shares, nearest, apparent)
+
+
+def _counts(parts: list[Part]) -> tuple[np.ndarray, np.ndarray]:
+    """(k,) i64 triangles of the mesh of each part, and (k,) i64 instances of it."""
+    return np.array([len(part.mesh) for part in parts], np.int64), np.array(list(map(copies_of, parts)), np.int64)
 
 
 def share_budget(counts, copies, weights, budget: int) -> np.ndarray:

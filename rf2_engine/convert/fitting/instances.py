@@ -30,7 +30,7 @@ def drop_instances(parts: list[Part], shares_of_picture: list[np.ndarray], targe
         budget = int(DETAIL * budget)
     if sum(_least(part) * copies_of(part) for part in parts) <= budget:
         return parts, shares_of_picture, targets
-    parts, shares_of_picture, targets = _united(parts, shares_of_picture, targets)
+    parts, shares_of_picture, targets = _merge_alike(parts, shares_of_picture, targets)
     begins = np.cumsum(list(map(copies_of, parts)))[:-1]
     keeps, growths = (np.split(values, begins) for values in _choose(parts, shares_of_picture, budget))
     crowd = _crowd(parts, keeps)
@@ -49,7 +49,8 @@ def _choose(parts: list[Part], shares_of_picture: list[np.ndarray], budget: int)
     Of those that shine a sample is kept, of others the most visible, but one of each part before any second one.
     """
     copies = list(map(copies_of, parts))
-    cost, shines = (np.repeat(values, copies) for values in (list(map(_least, parts)), [part.emits for part in parts]))
+    cost = np.repeat(list(map(_least, parts)), copies)
+    shines = np.repeat([part.emits for part in parts], copies)
     first = np.concatenate([np.arange(len(share)) == share.argmax() for share in shares_of_picture])
     fits, growth = ~shines, np.ones(len(cost))
     room = _room_for_emitters(cost, shines, first, budget)
@@ -61,18 +62,18 @@ def _choose(parts: list[Part], shares_of_picture: list[np.ndarray], budget: int)
     return fits, growth
 
 
-def _united(parts: list[Part], shares_of_picture: list[np.ndarray], targets):
+def _merge_alike(parts: list[Part], shares_of_picture: list[np.ndarray], targets):
     """The same with those that shine and are alike as one part: copies of a lamp often have meshes of their own."""
     alike: dict = {}
     for i, part in enumerate(parts):
-        alike.setdefault(_look(part) if part.emits else i, []).append(i)
+        alike.setdefault(_key_without_instances(part) if part.emits else i, []).append(i)
     united = [replace(parts[rows[0]], instances=[instance for i in rows for instance in parts[i].instances])
               for rows in alike.values()]
     return (united, [np.concatenate([shares_of_picture[i] for i in rows]) for rows in alike.values()],
             [max(targets[i] for i in rows) for rows in alike.values()])
 
 
-def _look(part: Part) -> tuple:
+def _key_without_instances(part: Part) -> tuple:
     """The same for parts that differ in their instances alone."""
     return (part.mesh.digest, id(part.real), *map(id, part.materials), part.is_shown, part.flux_gain, part.hidden,
             part.lit_groups, part.blockers, part.instances[0].light_group)

@@ -42,5 +42,6 @@ def one_triangle(lamp: RenderScene, center: np.ndarray, scale: float) -> RenderS
         emission=emission.astype(np.float32), beam_axis=np.zeros((1, 3), np.float32),
         beam_cosine=np.zeros((1, 2), np.float32), tile_index=lamp.tile_index[emits][:1], seen=np.zeros(1, bool),
         light_group=None if lamp.light_group is None else lamp.light_group[:1])
-    target, irradiance = (central_irradiance(light, np.float32(center), scale).sum() for light in (lamp, triangle))
+    target = central_irradiance(lamp, np.float32(center), scale).sum()
+    irradiance = central_irradiance(triangle, np.float32(center), scale).sum()
     return replace(triangle, emission=(triangle.emission * (target / max(irradiance, 1e-30))).astype(np.float32))

@@ -23,17 +23,18 @@ def add_fog(collected: CollectedScene, world, box: np.ndarray, view: View | None
             report) -> np.ndarray:
     """Adds the fog in a box (2, 3), where a view looks past the surfaces that it shows, and around lamps nearby.
 
-    shown: (P, 3) points of these; None without a view. Returns (3,) the share of light from
-    infinitely far that comes through all the rest, of each colour: 1 or 0.
+    shown: (P, 3) points of these; None without a view. Returns (3,) the share of light from infinitely far that comes
+    through all the rest, of each colour: 1 or 0.
     """
     if not has_volume(world):
         return np.ones(3)
-    points = box if view is None else np.concatenate([box, _seen(view, box, shown)])
+    points = box if view is None else np.concatenate([box, _points_past(view, box, shown)])
     low, high = points.min(axis=0), points.max(axis=0)
     reach = NEARBY * (high - low).max()
     lamps = np.array([lamp.matrix[:3, 3] for lamp in collected.lamps if lamp.light.type != "SUN"]).reshape(-1, 3)
     near = lamps[((lamps > low - reach) & (lamps < high + reach)).all(axis=1)]
-    low, high = (end(np.concatenate([points, near]), axis=0) for end in (np.min, np.max))
+    points = np.concatenate([points, near])
+    low, high = points.min(axis=0), points.max(axis=0)
     margin = MARGIN * max(float((high - low).max()), 1e-6)
     box = Box(np.eye(3), ((low + high) / 2).astype(np.float64), (high - low + 2 * margin).astype(np.float64))
 
@@ -51,13 +52,13 @@ def add_fog(collected: CollectedScene, world, box: np.ndarray, view: View | None
     return (extinction == 0).astype(np.float64)
 
 
-def _seen(view: View, box: np.ndarray, surfaces: np.ndarray) -> np.ndarray:
+def _points_past(view: View, box: np.ndarray, surfaces: np.ndarray) -> np.ndarray:
     """(k, 3) the eye, and points at the corners of the picture where these show none of the surfaces (P, 3), as far
     off as the middle of the box."""
     across, down = (x.ravel() for x in np.meshgrid((0, view.width), (0, view.height)))
     eye, rays = view_rays_at(view, across, down)
-    inwards = view_rays_at(view, *(x + INWARDS * (size / 2 - x) for x, size in ((across, view.width),
-                                                                               (down, view.height))))[1]
+    inwards = view_rays_at(view, across + INWARDS * (view.width / 2 - across),
+                           down + INWARDS * (view.height / 2 - down))[1]
     nearest = (rays @ unit(surfaces - eye).T).max(axis=1, initial=-1)
     open_rays = rays[nearest < dot(rays, inwards)]
     return np.concatenate([[eye], eye + np.linalg.norm(box.mean(axis=0) - eye) * open_rays])

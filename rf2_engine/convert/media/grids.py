@@ -31,7 +31,8 @@ def shares(first: float, step: float, count: int, size: int) -> np.ndarray:
     if abs(step) < 1:
         middle = (edges[:-1, None] + edges[1:, None]) / 2
         return np.clip(1 - np.abs(middle - value - 0.5), 0, None)
-    low, high = (extreme(edges[:-1], edges[1:])[:, None] for extreme in (np.minimum, np.maximum))
+    low = np.minimum(edges[:-1], edges[1:])[:, None]
+    high = np.maximum(edges[:-1], edges[1:])[:, None]
     return np.clip(np.minimum(high, value + 1) - np.maximum(low, value), 0, None) / abs(step)
 
 

@@ -48,7 +48,8 @@ def _filling(corners: bytes, resolution: int) -> np.ndarray:
 def _crossings(corners: np.ndarray, columns: int) -> tuple[np.ndarray, np.ndarray]:
     """Index x * columns + y of columns, and height (k,), where these cross triangles (n, 3, 3); columns are at whole
     numbers plus one half."""
-    low, high = (np.ceil(f(corners[..., :2], axis=1) - 0.5).clip(0, columns).astype(np.int64) for f in (np.min, np.max))
+    extremes = np.stack([corners[..., :2].min(axis=1), corners[..., :2].max(axis=1)])
+    low, high = np.ceil(extremes - 0.5).clip(0, columns).astype(np.int64)
     wide, deep = (high - low).T
     candidates = wide * deep
     crossings = [(np.zeros(0, np.int64), np.zeros(0))]

@@ -84,8 +84,8 @@ def _by_ray(appearance: TriangleAppearance, materials: MaterialTiles, material: 
 
 def _with_backs(appearance: TriangleAppearance, back_tile: np.ndarray, behind: np.ndarray) -> TriangleAppearance:
     """The appearance with the tiles and the emission of the backs. A side that alone is clear looks like the other."""
-    front, back = (np.where(one < 0, other, one) for one, other in (
-        (appearance.tile_index, back_tile), (back_tile, appearance.tile_index)))
+    front = np.where(appearance.tile_index < 0, back_tile, appearance.tile_index)
+    back = np.where(back_tile < 0, appearance.tile_index, back_tile)
     shines, shines_behind = appearance.emission.any(axis=1), behind.any(axis=1)
     both = (shines & shines_behind)[:, None]
     emission = np.where(both, (appearance.emission + behind) / 2, appearance.emission + behind)

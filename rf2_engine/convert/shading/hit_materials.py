@@ -79,13 +79,13 @@ class HitMaterials:
         None if there are none at all."""
         if not self._groups:
             return None
-        group = self._joined("_group_of_rows")
+        group = _join(self._group_of_rows)
         return np.where((triangle >= 0) & (triangle < len(group)), group[triangle.clip(0, len(group) - 1)], TILED)
 
     def at(self, triangle: np.ndarray, weights: np.ndarray, normal: np.ndarray,
            steps: Callable[[np.ndarray], np.ndarray]) -> Appearance:
         """The appearance of points; see Materials."""
-        group, on_mesh = (self._joined(name)[triangle] for name in ("_group_of_rows", "_triangle_of_rows"))
+        group, on_mesh = _join(self._group_of_rows)[triangle], _join(self._triangle_of_rows)[triangle]
         corners, result = self.geometry.triangles, Appearance.empty(normal)
         order = np.argsort(group, kind="stable")
         kinds, first, count = np.unique(group[order], return_index=True, return_counts=True)
@@ -102,11 +102,12 @@ class HitMaterials:
         spread(evaluate, pieces)
         return result
 
-    def _joined(self, name: str) -> np.ndarray:
-        arrays = getattr(self, name)
-        if len(arrays) != 1:
-            arrays[:] = [np.concatenate([np.zeros(0, np.int32), *arrays])]
-        return arrays[0]
+
+def _join(arrays: list[np.ndarray]) -> np.ndarray:
+    """Arrays (n,) i32 as one, which takes their place in the list."""
+    if len(arrays) != 1:
+        arrays[:] = [np.concatenate([np.zeros(0, np.int32), *arrays])]
+    return arrays[0]
 
 
 def _evaluated(group: _Group, on_mesh: np.ndarray, weights: np.ndarray, normal: np.ndarray, corners: np.ndarray,
