@@ -11,20 +11,19 @@ from .lattice import Lattice, in_blocks
 
 RANGE = {1: 0.25, 2: 0.6616, 3: 0.982, 4: 0.8344}  # Blender's, so that the noise stays within -1 and 1
 PERIOD, TOO_FAR = np.float32(100_000), np.float32(1_000_000)
+AXES = {  # along which each kind of slope rises or falls, by dimensions
+    2: [(0, 1)] * 4 + [(1, 0)] * 4,
+    3: [(0, 1)] * 4 + [(0, 2)] * 4 + [(1, 2)] * 4 + [(1, 0), (1, 2)] * 2,
+    4: [(0, 1, 2)] * 8 + [(0, 1, 3)] * 8 + [(0, 2, 3)] * 8 + [(1, 2, 3)] * 8,
+}
 
 
 def _gradients(dimensions: int) -> np.ndarray:
     """(dimensions, kinds) f32: the slopes that the last bits of a hash choose among."""
     if dimensions == 1:
         return np.float32([[(1 + (k & 7)) * (-1 if k & 8 else 1) for k in range(16)]])
-    rows = np.zeros((8 if dimensions == 2 else 16 if dimensions == 3 else 32, dimensions), np.float32)
-    for k, row in enumerate(rows):
-        if dimensions == 2:
-            axes = (0, 1) if k < 4 else (1, 0)
-        elif dimensions == 3:
-            axes = (0 if k < 8 else 1, 1 if k < 4 else 0 if k in (12, 14) else 2)
-        else:
-            axes = (0 if k < 24 else 1, 1 if k < 16 else 2, 2 if k < 8 else 3)
+    rows = np.zeros((len(AXES[dimensions]), dimensions), np.float32)
+    for k, (row, axes) in enumerate(zip(rows, AXES[dimensions], strict=True)):
         for bit, axis in enumerate(axes):
             row[axis] = (2 if dimensions == 2 and bit else 1) * (-1 if k >> bit & 1 else 1)
     return rows.T.copy()
