@@ -25,23 +25,26 @@ def draw_packages(layout, group: dict[str, str], published: bool = False) -> Non
     if installation and installation.state == "failed":
         draw_text(layout, installation.error)
     if missing := packages.missing(group):
-        several = "s" if len(missing) > 1 else ""
-        draw_text(layout, f"Missing Python package{several}: {', '.join(missing)}",
-                  icon="INFO" if published else "ERROR")
-        if consequences := [SLOWER[name] for name in missing if name in SLOWER]:
-            if not set(missing) & set(packages.NETWORK):
-                draw_text(layout, f"Scenes render without {'them' if several else 'it'}, but slower: "
-                                  f"{', '.join(consequences)}", icon="INFO")
-        if problem := packages.unavailable(missing):
-            draw_text(layout, problem)
-            return
-        layout.operator("renderformer_v2.install_packages", icon="IMPORT").published = published
-        if reason := packages.refusal():
-            draw_text(layout, reason, icon="INFO")
+        _draw_missing(layout, missing, published)
     elif problem := packages.too_old() or importing.failure():
         draw_text(layout, problem)
     elif installation and installation.state == "done" and installation.was_loaded:
         draw_text(layout, "Start Blender again to use the new packages", icon="INFO")
+
+
+def _draw_missing(layout, missing: list[str], published: bool) -> None:
+    several = "s" if len(missing) > 1 else ""
+    draw_text(layout, f"Missing Python package{several}: {', '.join(missing)}", icon="INFO" if published else "ERROR")
+    consequences = [SLOWER[name] for name in missing if name in SLOWER]
+    if consequences and not set(missing) & set(packages.NETWORK):
+        draw_text(layout, f"Scenes render without {'them' if several else 'it'}, but slower: "
+                          f"{', '.join(consequences)}", icon="INFO")
+    if problem := packages.unavailable(missing):
+        draw_text(layout, problem)
+        return
+    layout.operator("renderformer_v2.install_packages", icon="IMPORT").published = published
+    if reason := packages.refusal():
+        draw_text(layout, reason, icon="INFO")
 
 
 def draw_build(layout) -> None:

@@ -107,7 +107,8 @@ class _Walk:
 
     def _linked_groups(self, obj) -> tuple[int, int]:
         """The groups that the light of an object falls on, and those that stop it."""
-        return tuple(bits.get(obj.original, ALL_GROUPS) for bits in (self.linking.lit_groups, self.linking.blockers))
+        return (self.linking.lit_groups.get(obj.original, ALL_GROUPS),
+                self.linking.blockers.get(obj.original, ALL_GROUPS))
 
     def _is_shown(self, instance) -> bool:
         """Evaluated once for all instances of an object by another."""
@@ -176,9 +177,9 @@ def _particle(instance, frame: float) -> Particle:
     index = instance.persistent_id[0] if system else 0
     if system is None or not 0 <= index < len(system.particles):
         return Particle()
-    it = system.particles[index]
-    return Particle(index, frame - it.birth_time, it.lifetime, tuple(it.location), it.size, tuple(it.velocity),
-                    tuple(it.angular_velocity))
+    particle = system.particles[index]
+    return Particle(index, frame - particle.birth_time, particle.lifetime, tuple(particle.location), particle.size,
+                    tuple(particle.velocity), tuple(particle.angular_velocity))
 
 
 def _of_name(name: str) -> int:

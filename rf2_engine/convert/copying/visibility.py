@@ -73,8 +73,7 @@ def catching_hosts(depsgraph) -> list:
     """Evaluated shadow catchers, or what instances them: whose Holdout counts."""
     if not shadow_catchers(depsgraph):
         return []
-    hosts = {(instance.parent if instance.is_instance and instance.parent else instance.object).original
-             for instance in depsgraph.object_instances
+    hosts = {_host(instance).original for instance in depsgraph.object_instances
              if instance.object.type != "LIGHT" and instance.object.is_shadow_catcher}
     return [host.evaluated_get(depsgraph) for host in hosts]
 

@@ -25,9 +25,7 @@ def cells(media: list[Medium], report) -> Volumes | None:
     Where they do not fit thin cells are dropped first, and then boxes are drawn with fewer, larger cells (the finest
     first), which the report says.
     """
-    per_axis = [CELLS] * len(media)
-    for rank, i in enumerate(np.argsort([-np.prod(medium.box.size) for medium in media], kind="stable")):
-        per_axis[i] = min(CELLS >> sum(rank >= most for most in FINE_MEDIA), media[i].finest)
+    per_axis = _choose_resolutions(media)
     clear, parts = CLEAR, []
     for i, medium in enumerate(media):
         with progress.part(0.7 * i / len(media), 0.7 * (i + 1) / len(media)):
@@ -35,20 +33,8 @@ def cells(media: list[Medium], report) -> Volumes | None:
     if sum(map(len, parts)) > MAX_CELLS:
         clear = np.inf
         parts = [_denser(part) for part in parts]
-    too_many = surplus = sum(map(len, parts)) - MAX_CELLS
-    finest_first = [(float(np.prod(medium.box.size) * (CELLS / per_axis[i]) ** 3), i)
-                    for i, medium in enumerate(media)]
-    heapq.heapify(finest_first)
     with progress.part(0.7, 1.0):
-        while surplus > 0 and finest_first:
-            volume, i = heapq.heappop(finest_first)
-            per_axis[i] //= 2
-            done = max(1 - surplus / too_many, 0)
-            with progress.part(done, done):
-                before, parts[i] = len(parts[i]), _occupied(media[i], per_axis[i], clear)
-            surplus += len(parts[i]) - before
-            if per_axis[i] > 1:
-                heapq.heappush(finest_first, (volume * 8, i))
+        _coarsen(media, per_axis, parts, clear)
     room = MAX_CELLS
     for i, medium in enumerate(media):
         if len(parts[i]) > room:
@@ -60,6 +46,32 @@ def cells(media: list[Medium], report) -> Volumes | None:
             report.approximated(medium.name, f"rendered with {per_axis[i]} cells per axis instead of {medium.finest}")
         room -= len(parts[i])
     return Volumes.concatenate(parts) if any(map(len, parts)) else None
+
+
+def _choose_resolutions(media: list[Medium]) -> list[int]:
+    """The cells per axis that each medium begins with."""
+    per_axis = [CELLS] * len(media)
+    for rank, i in enumerate(np.argsort([-np.prod(medium.box.size) for medium in media], kind="stable")):
+        per_axis[i] = min(CELLS >> sum(rank >= most for most in FINE_MEDIA), media[i].finest)
+    return per_axis
+
+
+def _coarsen(media: list[Medium], per_axis: list[int], parts: list[Volumes], clear: float) -> None:
+    """Halve `per_axis` of the medium with the smallest cells, and make its `parts` anew, until at most `MAX_CELLS` are
+    left; `clear`: as CLEAR."""
+    too_many = surplus = sum(map(len, parts)) - MAX_CELLS
+    finest_first = [(float(np.prod(medium.box.size) * (CELLS / per_axis[i]) ** 3), i)
+                    for i, medium in enumerate(media)]
+    heapq.heapify(finest_first)
+    while surplus > 0 and finest_first:
+        volume, i = heapq.heappop(finest_first)
+        per_axis[i] //= 2
+        done = max(1 - surplus / too_many, 0)
+        with progress.part(done, done):
+            before, parts[i] = len(parts[i]), _occupied(media[i], per_axis[i], clear)
+        surplus += len(parts[i]) - before
+        if per_axis[i] > 1:
+            heapq.heappush(finest_first, (volume * 8, i))
 
 
 def _occupied(medium: Medium, per_axis: int, clear: float) -> Volumes:

@@ -95,8 +95,10 @@ def load_maps(files: dict[str, Path]) -> dict[str, bpy.types.Image] | None:
     for kind, image in images.items():
         if image is None:
             continue
-        image.colorspace_settings.name = "sRGB" if kind == "base" and not image.is_float else (
-            image.colorspace_settings.name if kind == "base" else "Non-Color")
+        if kind != "base":
+            image.colorspace_settings.name = "Non-Color"
+        elif not image.is_float:
+            image.colorspace_settings.name = "sRGB"
         if max(image.size) > LARGEST_MAP:
             image.scale(*(max(1, size * LARGEST_MAP // max(image.size)) for size in tuple(image.size)))
     return None if images["base"] is None else {kind: image for kind, image in images.items() if image}
