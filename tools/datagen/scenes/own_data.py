@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The user's own panoramas, meshes and maps (own.py) as Blender's data. An unusable file is reported once."""
+"""The user's own panoramas, meshes and maps (own_files.py) as Blender's data. An unusable file is reported once."""
 from __future__ import annotations
 
 from pathlib import Path
