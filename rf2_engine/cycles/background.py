@@ -78,7 +78,7 @@ def run(engine: bpy.types.RenderEngine, job: Job, requested: list[pass_table.Pas
     with tempfile.TemporaryDirectory(prefix="renderformer-v2-") as folder:
         answer = Path(folder) / "passes.exr"
         process = start_blender(WORKER, *write_copy(folder, bpy.data.scenes[job.scene], vars(job)), str(answer),
-                          stdin=subprocess.PIPE)
+                                stdin=subprocess.PIPE)
         _wait(engine, process, partial and bool(bpy.app.binary_path))  # the bpy module cannot be interrupted
         try:
             file = exr.read(answer)

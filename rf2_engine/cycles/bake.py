@@ -33,9 +33,9 @@ class Baker:
     def __init__(self, depsgraph: bpy.types.Depsgraph):
         job = background_cycles.Job.create(depsgraph, depsgraph.view_layer_eval.name, [], [])
         self._scene = depsgraph.scene_eval.original
-        self._settings = {**{name: getattr(job, name) for name in (
-            "scene", "layer", "frame", "subframe", "compute_device_type", "devices")},
-            "device": depsgraph.scene_eval.cycles.device}
+        self._settings = {name: getattr(job, name) for name in (
+            "scene", "layer", "frame", "subframe", "compute_device_type", "devices")}
+        self._settings["device"] = depsgraph.scene_eval.cycles.device
         self._folder, self._process, self._reader, self._broken = None, None, None, ""
         self._lines: queue.Queue[str | None] = queue.Queue()
 

@@ -85,14 +85,16 @@ def add(layer: Layer, pictures: dict[str, Passes], report: Report) -> int:
     finally:  # Cycles shows its picture in Combined
         output.write_views(engine, layer.name, {view: passes | rendered.get(view, {})
                                                 for view, passes in pictures.items()})
-    if rendered and 0 < chosen.time_limit < time.perf_counter() - begin:
+    if not rendered:
+        return 0
+    if 0 < chosen.time_limit < time.perf_counter() - begin:
         report.approximated(NAME, f"it may have fewer than {chosen.samples} samples because of its Time Limit")
-    if engine.is_animation and rendered:
+    if engine.is_animation:
         for view, passes in rendered.items():
             _save(layer, view, passes["cycles_reference"], report)
-    if rendered and chosen.denoise and not compat.has_openimagedenoise():
+    if chosen.denoise and not compat.has_openimagedenoise():
         report.approximated(NAME, "this Blender lacks OpenImageDenoise, so it is noisy: raise its samples")
-    return samples if rendered else 0
+    return samples
 
 
 def _save(layer: Layer, view: str, pixels: np.ndarray, report: Report) -> None:
@@ -110,8 +112,8 @@ def _save(layer: Layer, view: str, pixels: np.ndarray, report: Report) -> None:
             report.skipped(NAME, f"it cannot be saved beside the frame: {error}")
 
 
-def _stopped_reference(rendered: dict[str, Passes], samples: int, pictures: dict[str, Passes], chosen: FrameReference,
-          report: Report, why: str = "") -> dict[str, Passes]:
+def _stopped_reference(rendered: dict[str, Passes], samples: int, pictures: dict[str, Passes],
+                       chosen: FrameReference, report: Report, why: str = "") -> dict[str, Passes]:
     """What there is of a reference that was stopped: nothing before its first sample, as Combined was ours then.
 
     All its views, or none. why: there is nothing, if that is known better.

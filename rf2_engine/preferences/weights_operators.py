@@ -58,7 +58,7 @@ class RENDERFORMER_OT_download_weights(_Download):
 
     def execute(self, context):
         return self.run(weights_download.current.begin(published_weights.download_folder(), preferences.session.token,
-                                               preferences.networks()))
+                                                       preferences.networks()))
 
 
 class RENDERFORMER_OT_fetch_weights(_Download):

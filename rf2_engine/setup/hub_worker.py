@@ -161,7 +161,7 @@ def require_space(target: Path, needed: int) -> None:
     free = shutil.disk_usage(target).free
     if free < needed:
         raise ExplainedError(f"the disk of {target} has too little space: {-(-needed // 100_000) / 10} MB are needed, "
-                        f"{free // 100_000 / 10} MB are free")
+                             f"{free // 100_000 / 10} MB are free")
 
 
 def run(request: dict, send) -> None:
@@ -234,7 +234,7 @@ def explain(error: Exception, what: str, request: dict, repository: str = "") ->
     if isinstance(error, OSError) and error.errno and type(error).__module__ == "builtins":  # of the disk
         return explain_disk(request["target"], error)
     return ExplainedError(f"{what}: {type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''} "
-                     f"(check the connection; {RESUMABLE})", status)
+                          f"(check the connection; {RESUMABLE})", status)
 
 
 def access_steps(site: str, repository: str) -> list[tuple[str, str]]:

@@ -108,7 +108,7 @@ def _advance(engine, context, depsgraph) -> tuple[bool, str]:
     is_read = viewport.refresh(depsgraph, context.space_data)
     if is_read or viewport.source.bare is not None:
         view = RegionView.read(context.region.width, context.region.height, context.region_data, context.space_data,
-                             scene, context.preferences.system.pixel_size)
+                               scene, context.preferences.system.pixel_size)
         viewport.request(view, settings)
     return is_read, viewport.source.error
 

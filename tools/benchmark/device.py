@@ -31,10 +31,10 @@ def measure(name: str, precision: str = "auto", triangles: int = TRIANGLES, reso
     device, config = choose_device(name), config or rf2_200m()
     dtype = choose_precision(precision, device)
     measurement = {"device": device_name(device), "torch": torch.__version__, "cuda": torch.version.cuda,
-             "system": f"{platform.system()} {platform.machine()}", "threads": torch.get_num_threads(),
-             "precision": NAMES[dtype], "precision_fails": find_failure(dtype, device),
-             "unused_card": explain_unused_card(),
-             "free_bytes": free_memory(device), "triangles": triangles, "resolution": resolution}
+                   "system": f"{platform.system()} {platform.machine()}", "threads": torch.get_num_threads(),
+                   "precision": NAMES[dtype], "precision_fails": find_failure(dtype, device),
+                   "unused_card": explain_unused_card(),
+                   "free_bytes": free_memory(device), "triangles": triangles, "resolution": resolution}
     if measurement["precision_fails"]:
         return measurement
     torch.manual_seed(SEED)

@@ -101,7 +101,7 @@ def measure(command: list[str], file: Path, processes: int, frames: int, folder:
     first = statistics.median(lines[0]["seconds"] for _, lines in parts)
     later = statistics.median(line["seconds"] for _, lines in parts for line in lines[1:])
     return FrameCosts(processes, threads, start, first, later, max(lines[-1]["memory_mib"] for _, lines in parts),
-                    60 * processes / later, busy / (processes * frames))
+                      60 * processes / later, busy / (processes * frames))
 
 
 def summarize(rows: list[FrameCosts], total: int, machines: int) -> dict:

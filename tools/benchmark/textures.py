@@ -47,8 +47,9 @@ def measure(triangles: int, device: torch.device, vae: nn.Module | None = None) 
     with inference(), tempfile.TemporaryDirectory() as folder:
         vae.save_pretrained(folder)
         vae = vae.to(device).eval()
+        video_seconds = _time_image(lambda x: vae.encode(x[:, :, None]).latent_dist.mean, images.to(device))
         measurement = {"device": device_name(device), "threads": torch.get_num_threads(), "precision": NAMES[dtype],
-                 "video_seconds": _time_image(lambda x: vae.encode(x[:, :, None]).latent_dist.mean, images.to(device))}
+                       "video_seconds": video_seconds}
         chosen = ImageEncoder(Path(folder), device, dtype).dtype
         frame = OneFrameEncoder(vae).to(device, chosen, memory_format=torch.channels_last)
         measurement["image_seconds"] = _time_image(lambda x: frame(x.to(chosen)), images.to(device))

@@ -145,6 +145,6 @@ def _materials(part: Part, instance: Instance, materials: MaterialTiles, shared:
                 shared[slot, materials.sharing(material, instance)] = shaded
             for whole, values in zip(appearance, shaded, strict=True):
                 whole[rows] = values
-    return appearance._replace(emission=appearance.emission * np.reshape(part.flux_gain, (-1, 1)).astype(np.float32),
-                          hidden=appearance.hidden | np.uint8(part.hidden),
-                          is_holdout=appearance.is_holdout | instance.is_holdout)
+    gain = np.reshape(part.flux_gain, (-1, 1)).astype(np.float32)
+    return appearance._replace(emission=appearance.emission * gain, hidden=appearance.hidden | np.uint8(part.hidden),
+                               is_holdout=appearance.is_holdout | instance.is_holdout)

@@ -121,8 +121,8 @@ def test_what_cycles_did_not_write_is_no_reference(lit, samples, same, kept):
     """Combined is still ours until it writes its first samples."""
     picture = np.full((2, 2, 4), np.nan, np.float32)
     rendered = {"cycles_reference": picture.copy() if same else np.ones_like(picture)}
-    found = reference._stopped_reference({"": rendered}, samples, {"": {"combined": picture}}, FrameReference.read(lit),
-                            report := Report())
+    found = reference._stopped_reference({"": rendered}, samples, {"": {"combined": picture}},
+                                         FrameReference.read(lit), report := Report())
     assert bool(found) == kept and len(report.entries) == 1
 
 
