@@ -50,7 +50,7 @@ class _Collection:
         return self.collected
 
     def _add_mesh(self, surface: CopiedMesh, instance: Instance) -> None:
-        mesh = self._mesh(surface, instance)
+        mesh = self._displaced_mesh(surface, instance)
         probed = tuple(self._probe(material, surface.source, mesh, instance) for material in surface.slots)
         key = surface, probed, instance.light_group
         if key not in self._parts:
@@ -127,7 +127,7 @@ class _Collection:
                 self._homogeneous[key] = appearance[0]
         return appearance
 
-    def _mesh(self, surface: CopiedMesh, instance: Instance) -> TriangleMesh:
+    def _displaced_mesh(self, surface: CopiedMesh, instance: Instance) -> TriangleMesh:
         """Displaced as in its first instance."""
         key = surface.source, *surface.slots
         if key not in self._displaced:

@@ -35,7 +35,7 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
             for j, instance in enumerate(part.instances):
                 with progress.part(j / len(part.instances), (j + 1) / len(part.instances)):
                     progress.report()
-                    tokens, is_kept = _instance(part, instance, materials, shared, report)
+                    tokens, is_kept = _instance_fields(part, instance, materials, shared, report)
                     _add(rows, {name: values[is_kept] for name, values in tokens.items()})
                     row = np.where(is_kept, count + np.cumsum(is_kept) - 1, -1).astype(np.int32)
                     for real, is_real in _real_surfaces(part, instance, tokens, row):
@@ -76,11 +76,13 @@ def _add(lists: dict[str, list[np.ndarray]], values: dict[str, np.ndarray]) -> N
         lists[name].append(array)
 
 
-def _instance(part: Part, instance: Instance, materials: MaterialTiles, shared: dict,
-              report) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Fields of a RenderScene for the triangles of one instance, and which of these show; shared: as in `_materials`.
+def _instance_fields(part: Part, instance: Instance, materials: MaterialTiles, shared: dict,
+                     report) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Fields of a RenderScene for the triangles of one instance, and which of these show.
+
+    shared: as in `_instance_appearance`.
     """
-    appearance = _materials(part, instance, materials, shared)
+    appearance = _instance_appearance(part, instance, materials, shared)
     is_opaque = appearance.tile_index >= 0
     if not is_opaque.all():
         report.approximated(part.name, f"{np.count_nonzero(~is_opaque)} of its {len(is_opaque)} triangles are left "
@@ -128,7 +130,7 @@ def _real_surfaces(part: Part, instance: Instance, tokens: dict[str, np.ndarray]
     return surfaces
 
 
-def _materials(part: Part, instance: Instance, materials: MaterialTiles, shared: dict) -> TriangleAppearance:
+def _instance_appearance(part: Part, instance: Instance, materials: MaterialTiles, shared: dict) -> TriangleAppearance:
     """The appearance of the triangles of an instance of a part.
 
     shared: by material slot and MaterialTiles.sharing what instances have in common, filled here.
