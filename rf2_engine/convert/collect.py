@@ -21,13 +21,13 @@ PROBES = 16  # triangles that tell whether a material emits
 UNIT_SQUARE = np.array([[(0, 0), (1, 0), (0, 1)], [(1, 1), (0, 1), (1, 0)]], np.float32)  # UV of two triangles
 
 
-def collect(copied: CopiedScene, report) -> CollectedScene:
+def collect(copied: CopiedScene, report: Report) -> CollectedScene:
     """Each mesh is displaced and divided once for all its instances that look alike."""
     return _Collection(report).of(copied)
 
 
 class _Collection:
-    def __init__(self, report):
+    def __init__(self, report: Report):
         self.report = report
         self.collected = CollectedScene()
         self._displaced: dict[tuple, TriangleMesh] = {}

@@ -33,6 +33,7 @@ from ..convert.copying.scene import copy
 from ..convert.data import mesh as meshes
 from ..convert.data.collected import CollectedScene, Part
 from ..convert.data.copied import Instance
+from ..convert.data.report import Report
 from ..convert.lamps.lamps import convert_lamps
 from ..convert.lamps.placed_lamp import BoundingSphere
 from ..convert.lamps.world import convert_world_light
@@ -48,7 +49,7 @@ MOST_LAMP_TRIANGLES = 4096
 ENVIRONMENT, EXTERNAL = "env_map.exr", "volumes"
 
 
-def export_frame(scene: bpy.types.Scene, folder: Path, report) -> PreparedFrame:
+def export_frame(scene: bpy.types.Scene, folder: Path, report: Report) -> PreparedFrame:
     """Write what F12 would show of the scene into a folder that is new or empty: all of it or nothing.
 
     The report names what the research code cannot show. Raises SceneError for a scene without surfaces, for a camera
@@ -70,7 +71,7 @@ def export_frame(scene: bpy.types.Scene, folder: Path, report) -> PreparedFrame:
 
 
 class _Export:
-    def __init__(self, folder: Path, report, depsgraph):
+    def __init__(self, folder: Path, report: Report, depsgraph):
         self.folder, self.report, self.depsgraph = folder, report, depsgraph
         self.frame = PreparedFrame("", {}, [])
         self._materials: dict[tuple, DescribedMaterial] = {}

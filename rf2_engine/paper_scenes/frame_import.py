@@ -25,6 +25,7 @@ from ...model.published.prepared_frame import (
     read_frame,
 )
 from ...model.weights.files import lfs_remedy
+from ..convert.data.report import Report
 from ..engine import RenderFormerEngine
 from . import material_nodes
 
@@ -32,7 +33,7 @@ SMOOTH = math.radians(30)  # largest angle between smooth faces, where the file 
 RESOLUTION = 512
 
 
-def import_frame(folder: Path, report, resolution: int = RESOLUTION) -> bpy.types.Scene:
+def import_frame(folder: Path, report: Report, resolution: int = RESOLUTION) -> bpy.types.Scene:
     """Make a new scene beside those of the open file, whose F12 shows the frame in `resolution` x `resolution` pixels.
 
     What is missing or cannot be used is left out and in the report.
@@ -83,7 +84,7 @@ def set_up_render(scene: bpy.types.Scene, resolution: int, triangles: int) -> No
     settings.as_is, settings.max_edge, settings.token_budget = True, 1, max(triangles, 256)
 
 
-def _read_mesh(file: Path, report) -> ObjMesh | None:
+def _read_mesh(file: Path, report: Report) -> ObjMesh | None:
     if not file.is_file():
         return None  # reported already
     try:
@@ -96,7 +97,7 @@ def _read_mesh(file: Path, report) -> ObjMesh | None:
     return mesh
 
 
-def _add_object(scene, key: str, source: FrameObject, obj_mesh: ObjMesh, folder: Path, report) -> None:
+def _add_object(scene, key: str, source: FrameObject, obj_mesh: ObjMesh, folder: Path, report: Report) -> None:
     mesh = create_mesh(key, obj_mesh, source.material)
     mesh.materials.append(material_nodes.create_material(key, source.material, folder, report))
     if source.material.diffuse_seed is not None:

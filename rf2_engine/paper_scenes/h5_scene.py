@@ -68,7 +68,7 @@ def export_h5(scene: bpy.types.Scene, weights: str | None, path: Path, report: R
     return converted
 
 
-def import_h5(file: Path, report, resolution: int = frame_import.RESOLUTION) -> bpy.types.Scene:
+def import_h5(file: Path, report: Report, resolution: int = frame_import.RESOLUTION) -> bpy.types.Scene:
     """Make a new scene beside those of the open file. The report names what cannot become a shader.
 
     Raises SceneError for a file that is no H5 scene, and without the package h5py; OSError as the disk does.
@@ -87,7 +87,7 @@ def import_h5(file: Path, report, resolution: int = frame_import.RESOLUTION) -> 
     return scene
 
 
-def _add_surfaces(scene, scene_file: ProcessedScene, report) -> None:
+def _add_surfaces(scene, scene_file: ProcessedScene, report: Report) -> None:
     """An object for each light and each latent or colour, and one for all other triangles."""
     rows = np.concatenate([scene_file.light_strength, _read_appearance(scene_file, report)], axis=1)
     rows[scene_file.light_strength.any(axis=1), 3:] = 0
@@ -115,7 +115,7 @@ def _add_surfaces(scene, scene_file: ProcessedScene, report) -> None:
         scene.collection.objects.link(obj)
 
 
-def _read_appearance(scene_file: ProcessedScene, report) -> np.ndarray:
+def _read_appearance(scene_file: ProcessedScene, report: Report) -> np.ndarray:
     """The latents (N, 9) f32 of triangles, 0 where the file has none, or parameters (N, 7) of version 1."""
     if not scene_file.is_raw:
         report.approximated("Materials", "the file holds encoded textures, from which no shader can be read back: "

@@ -8,6 +8,7 @@ from pathlib import Path
 import bpy
 
 from ...model.published.prepared_frame import HEIGHT, MAPS, MEASURED, FrameMaterial, list_maps, map_file
+from ..convert.data.report import Report
 from ..convert.shading.material import HEIGHT_UNIT
 from ..material_settings import read_latent, set_latent
 
@@ -21,7 +22,7 @@ INPUTS = {"diffuse": "Diffuse", "specular": "Specular", "basecolor": "Base Color
           "roughness": "Roughness"}
 
 
-def create_material(name: str, material: FrameMaterial, folder: Path, report) -> bpy.types.Material:
+def create_material(name: str, material: FrameMaterial, folder: Path, report: Report) -> bpy.types.Material:
     """A new material. Missing files of the folder are left out; the caller reports them."""
     blender_material = bpy.data.materials.new(name)
     blender_material.use_nodes = True
@@ -93,7 +94,7 @@ def _inputs(tree: bpy.types.NodeTree) -> list[str]:
     return [item.name for item in tree.interface.items_tree if item.item_type == "SOCKET" and item.in_out == "INPUT"]
 
 
-def _set_values(blender_material, shader, material: FrameMaterial, folder: Path, report) -> None:
+def _set_values(blender_material, shader, material: FrameMaterial, folder: Path, report: Report) -> None:
     """Set the numbers of a homogeneous material, or the latent."""
     for key, name in COLORS.items():
         if name in material.numbers:

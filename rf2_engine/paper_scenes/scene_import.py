@@ -9,12 +9,13 @@ import bpy
 
 from ...model.published.prepared_frame import CONFIG
 from ...model.published.v1_scene import convert_v1_scene
+from ..convert.data.report import Report
 from . import frame_import, h5_scene
 
 H5 = (".h5", ".hdf5")
 
 
-def import_scene(path: Path, report, resolution: int = frame_import.RESOLUTION) -> bpy.types.Scene:
+def import_scene(path: Path, report: Report, resolution: int = frame_import.RESOLUTION) -> bpy.types.Scene:
     """A new scene beside those of the open file, of a prepared frame (its folder, or the scene_config.json in it), an
     H5 scene, or the JSON file of a scene of version 1. What is left out is in the report.
 

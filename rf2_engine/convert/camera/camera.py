@@ -8,13 +8,14 @@ import numpy as np
 
 from ....model.errors import SceneError
 from ....model.scene import View
+from ..data.report import Report
 from . import orthographic
 from .eyes import Eye, own_eye
 from .panoramic import read_panorama
 
 
 def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, int, int] | None,
-                   report=None, eye: Eye | None = None) -> View:
+                   report: Report | None = None, eye: Eye | None = None) -> View:
     """The View of the scene's camera for a picture of `width` x `height` pixels (resolution percentage applied).
 
     `border` is (x0, x1, y0, y1) in pixels from the bottom left of that picture, or None for all of it. `eye` is the
@@ -84,7 +85,7 @@ def clip_start(depsgraph) -> float:
     return 0.0 if data.type == "ORTHO" else data.clip_start
 
 
-def rigid(matrix: np.ndarray, name: str, report) -> tuple[np.ndarray, float]:
+def rigid(matrix: np.ndarray, name: str, report: Report | None) -> tuple[np.ndarray, float]:
     """`matrix` without scale and shear, and -1 if it mirrors the picture.
 
     A mirrored camera becomes a rigid one whose x axis is turned round; a negative focal length turns the picture back.

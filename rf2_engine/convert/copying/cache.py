@@ -26,7 +26,7 @@ class MeshCache:
         self._entries: dict[tuple, _Entry] = {}
         self._used: set[tuple] = set()
 
-    def of(self, obj, requested: set[str], report) -> TriangleMesh:
+    def of(self, obj, requested: set[str], report: Report) -> TriangleMesh:
         """The mesh of an evaluated object, read unless it is in the cache; arguments as of read_mesh."""
         mesh, owner = obj.data, obj.original.session_uid
         key = owner, mesh.as_pointer(), len(mesh.vertices), len(mesh.loops), obj.name, *sorted(requested)
@@ -34,13 +34,13 @@ class MeshCache:
             self._entries.pop(key, None)
         return self._get(key, owner, lambda own: _read(obj, own, requested), report)
 
-    def strands_of(self, obj, pointer: int, read: Callable[[Report], Strands], report) -> Strands:
+    def strands_of(self, obj, pointer: int, read: Callable[[Report], Strands], report: Report) -> Strands:
         """Hair or points of an evaluated object, known by a pointer, which `read` gives unless they are in the cache.
         """
         owner = obj.original.session_uid
         return self._get((owner, pointer, obj.name), owner, read, report)
 
-    def _get(self, key: tuple, owner: int, read: Callable[[Report], TriangleMesh | Strands], report):
+    def _get(self, key: tuple, owner: int, read: Callable[[Report], TriangleMesh | Strands], report: Report):
         self._used.add(key)
         if key not in self._entries:
             own = Report()
@@ -61,7 +61,7 @@ class MeshCache:
         return len(self._entries)
 
 
-def _read(obj, report, requested: set[str]) -> TriangleMesh:
+def _read(obj, report: Report, requested: set[str]) -> TriangleMesh:
     """The mesh of an evaluated object. In Edit Mode it is empty before Blender makes one."""
     if not obj.data.is_editmode:
         return read_mesh(obj.data, obj.name, report, requested)

@@ -14,7 +14,7 @@ from ....model.surface_kinds import BOUNCED, Ray
 from ... import compat
 from ..data.copied import CopiedMesh, CopiedScene, Grid, Instance, LampInstance, Particle, Reach
 from ..data.mesh import TriangleMesh
-from ..data.report import AS_GOOD_AS_INFINITE
+from ..data.report import AS_GOOD_AS_INFINITE, Report
 from ..shading.noise.hashing import LARGEST, jenkins
 from . import strands
 from .attributes import MESH, RequestedAttributes
@@ -32,7 +32,8 @@ SEEING_LAMPS = BOUNCED | Ray.SCATTER  # cameras do not, and shadows are not of l
 DRAWINGS = {"GREASEPENCIL", "GPENCIL"}
 
 
-def add_instances(copied: CopiedScene, depsgraph, blocks: Blocks, report, cache: CopyCache, hides: Callable) -> None:
+def add_instances(copied: CopiedScene, depsgraph, blocks: Blocks, report: Report, cache: CopyCache,
+                  hides: Callable) -> None:
     """Everything that `depsgraph.object_instances` shows, each evaluated mesh read once.
 
     hides: says of an original object that it is not shown, nor what it instances.
@@ -41,7 +42,8 @@ def add_instances(copied: CopiedScene, depsgraph, blocks: Blocks, report, cache:
 
 
 class _Walk:
-    def __init__(self, copied: CopiedScene, depsgraph, blocks: Blocks, report, cache: CopyCache, hides: Callable):
+    def __init__(self, copied: CopiedScene, depsgraph, blocks: Blocks, report: Report, cache: CopyCache,
+                 hides: Callable):
         self.copied, self.depsgraph, self.blocks, self.report = copied, depsgraph, blocks, report
         self.cache, self.hides = cache, hides
         self.layer = depsgraph.view_layer_eval

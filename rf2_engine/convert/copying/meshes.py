@@ -9,12 +9,13 @@ import numpy as np
 from ....model import progress
 from ... import compat
 from ..data.mesh import TriangleMesh, corner_keys, face_normals, has_area, lengths, unit_or, within_reach
+from ..data.report import Report
 from .attributes import read_attributes, read_values
 
 ROUNDING = 1e-6  # of the length of unit vectors
 
 
-def read_mesh(mesh, name: str, report, requested=()) -> TriangleMesh:
+def read_mesh(mesh, name: str, report: Report, requested=()) -> TriangleMesh:
     """Copy an evaluated `bpy.types.Mesh`; `name` is the object that the report mentions.
 
     requested: names of attributes that materials read, besides colours.
@@ -76,7 +77,7 @@ def material_slots(obj) -> list:
     return slots
 
 
-def _without_broken(mesh: TriangleMesh, name: str, report) -> TriangleMesh:
+def _without_broken(mesh: TriangleMesh, name: str, report: Report) -> TriangleMesh:
     finite = within_reach(mesh.corners)
     if not finite.all():
         report.refused(name, f"{np.count_nonzero(~finite)} triangles with infinite or invalid vertices were removed")

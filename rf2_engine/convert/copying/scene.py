@@ -2,11 +2,14 @@
 """Copy a scene from Blender: the first half of a conversion, on the thread that Blender calls us on."""
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from ....model import progress, rays
 from ... import compat
 from ...setup import packages
 from ..camera.camera import clip_start
 from ..data.copied import CopiedScene
+from ..data.report import Report
 from ..lamps.world import draw_world
 from ..shading.material import needs_baking
 from .blocks import REC709, Blocks
@@ -15,7 +18,8 @@ from .instances import add_instances, light_groups
 from .visibility import hidden_in_renders
 
 
-def copy(depsgraph, report, cycles_world=None, baker=None, cache=None, hides=None, reads_images=True) -> CopiedScene:
+def copy(depsgraph, report: Report, cycles_world=None, baker=None, cache: CopyCache | None = None,
+         hides: Callable[[object], bool] | None = None, reads_images: bool = True) -> CopiedScene:
     """What a render depsgraph shows; nothing of it refers to Blender's data, which may change or go away afterwards.
 
     cycles_world: as in `draw_world`. baker: is made ready where nodes will have to be baked. cache: what was read for

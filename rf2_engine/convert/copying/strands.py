@@ -13,6 +13,7 @@ import numpy as np
 from ....model.geometry import quartered, unit
 from ..data import mesh as meshes
 from ..data.mesh import TriangleMesh
+from ..data.report import Report
 from ..meshes.sampling import keep_sample
 from .attributes import read_values
 
@@ -33,7 +34,7 @@ class Strands(NamedTuple):
     real: TriangleMesh    # what rays meet
 
 
-def read_curves(obj, report) -> Strands:
+def read_curves(obj, report: Report) -> Strands:
     """Strands along the `bpy.types.Curves` of an object."""
     curves = obj.data
     position, first, size = _points(curves), *(read_values(curves.curves, name, dtype=np.int32)
@@ -53,7 +54,7 @@ def read_curves(obj, report) -> Strands:
     return _strands(obj, len(first), int(size.max(initial=2)), knots_of, report)
 
 
-def read_particles(obj, system, is_render: bool, report) -> Strands:
+def read_particles(obj, system, is_render: bool, report: Report) -> Strands:
     """The hair of a particle system of an object, evaluated for a render or for a viewport."""
     settings = system.settings
     steps = 2 ** (settings.render_step if is_render else settings.display_step)
@@ -78,7 +79,7 @@ def _particle_radius(settings, along: np.ndarray) -> np.ndarray:
     return np.where(settings.use_close_tip & (along == 1), 0, width) * settings.radius_scale / 2
 
 
-def read_point_cloud(obj, report) -> Strands:
+def read_point_cloud(obj, report: Report) -> Strands:
     """Balls of the `bpy.types.PointCloud` of an object: octahedra, with quartered sides where there is room."""
     position, radius = _points(obj.data), _radius(obj.data, 0.05)[:, 0].astype(np.float64)
     area = np.nan_to_num(radius, posinf=0, neginf=0) ** 2
@@ -99,7 +100,7 @@ def read_point_cloud(obj, report) -> Strands:
 
 
 def _strands(obj, count: int, longest: int, knots_of: Callable[[np.ndarray, int], tuple[np.ndarray, np.ndarray]],
-             report) -> Strands:
+             report: Report) -> Strands:
     """knots_of: positions (s, k, 3) and radii (s, k) of k knots of the strands with indices (s,).
 
     longest: most points of a strand.
@@ -115,7 +116,7 @@ def _strands(obj, count: int, longest: int, knots_of: Callable[[np.ndarray, int]
     return Strands(ribbons(few, KNOTS, False), ribbons(many, knots, True))
 
 
-def _report(obj, what: str, count: int, few: int, many: int, report) -> None:
+def _report(obj, what: str, count: int, few: int, many: int, report: Report) -> None:
     if count > few:
         report.approximated(obj.name, f"the network sees {few} of its {count:,} {what}, enlarged; rays meet "
                                       f"{f'{many:,}' if count > many else 'all'}")

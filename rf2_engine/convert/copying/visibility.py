@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from ....model.surface_kinds import Ray
+from ..data.report import Report
 
 RAYS = {"visible_camera": Ray.CAMERA, "visible_diffuse": Ray.DIFFUSE, "visible_glossy": Ray.GLOSSY,
         "visible_transmission": Ray.TRANSMISSION, "visible_volume_scatter": Ray.SCATTER, "visible_shadow": Ray.SHADOW}
@@ -95,7 +96,7 @@ class LightLinking:
     blockers: dict[object, int] = field(default_factory=dict)  # groups that stop its light, bits
 
 
-def read_light_linking(depsgraph, report) -> LightLinking:
+def read_light_linking(depsgraph, report: Report) -> LightLinking:
     """What is linked; what of it is lost is reported."""
     linked = [(obj, obj.light_linking.receiver_collection, obj.light_linking.blocker_collection)
               for obj in depsgraph.objects]

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..data.blocks import Material
 from ..data.copied import CopiedVolume, Grid, Instance
+from ..data.report import Report
 from ..media.volumes import DEFAULT_GRID
 from ..shading.volume import find_grid_names, has_volume
 from .vdb import openvdb_module, read_grids
@@ -17,7 +18,7 @@ CHANNELS = {"density": 1, "flame": 1, "heat": 1, "temperature": 1, "color": 4}
 
 
 def gridded(obj, material: Material | None, instance: Instance, grids_read: dict[tuple, dict[str, Grid]],
-            report) -> CopiedVolume | None:
+            report: Report) -> CopiedVolume | None:
     """The grids of an evaluated Volume object or of a domain of gas; None, and a remark, if it shows none.
 
     grids_read: of objects before; what is read now is added.

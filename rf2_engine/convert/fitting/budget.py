@@ -17,6 +17,7 @@ from ....model.geometry import area_vectors
 from ..data.cache import ConversionCache
 from ..data.collected import CollectedScene, Part
 from ..data.mesh import TriangleMesh
+from ..data.report import Report
 from ..meshes import reduce
 from ..meshes.reduce import COARSEST, KEPT_WHOLE
 from .apparent_size import ApparentSize, ApparentSpace
@@ -40,7 +41,7 @@ class Simplification:
     nearest: list[np.ndarray]         # (4, 4) object to world, of the instance that shows most
     apparent: ApparentSize | None
 
-    def apply(self, report, cache: ConversionCache | None = None) -> None:
+    def apply(self, report: Report, cache: ConversionCache | None = None) -> None:
         """Simplify what is too fine; cache: of earlier conversions."""
         before: dict[str, list[int]] = {}
         for i, (part, target, matrix) in enumerate(zip(self.parts, self.targets, self.nearest, strict=True)):
@@ -66,7 +67,7 @@ class Simplification:
 
 
 def allot_triangles(collected: CollectedScene, budget: int, framing: Framing, hits: VisiblePoints | None,
-                    targets: list[int], report) -> Simplification:
+                    targets: list[int], report: Report) -> Simplification:
     """Allot triangles to all parts; the least visible instances are left out where not even coarse shapes of all fit.
 
     targets: triangles of each part, including those by which it will be subdivided; hits: None where there is no

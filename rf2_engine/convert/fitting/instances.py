@@ -12,7 +12,7 @@ import numpy as np
 
 from ..data.collected import Part
 from ..data.copied import Instance
-from ..data.report import SOME
+from ..data.report import SOME, Report
 from ..meshes.reduce import COARSEST
 from ..meshes.sampling import keep_sample
 
@@ -21,7 +21,7 @@ SHINING = 0.5    # of that goes to those that shine, at most
 LEAST = 0.125    # ... at least
 
 
-def drop_instances(parts: list[Part], shares_of_picture: list[np.ndarray], targets, budget: int, report):
+def drop_instances(parts: list[Part], shares_of_picture: list[np.ndarray], targets, budget: int, report: Report):
     """Drop instances whose coarsest shape does not fit.
 
     Returns what remains of `parts`, `shares_of_picture` and `targets`.
@@ -113,7 +113,8 @@ def _crowd(parts: list[Part], keeps: list[np.ndarray]) -> str:
     return ", ".join(names[:SOME]) + (f" and {len(names) - SOME} more" if len(names) > SOME else "")
 
 
-def _drop(part: Part, share: np.ndarray, keep: np.ndarray, growth: np.ndarray, crowd: str, report) -> np.ndarray:
+def _drop(part: Part, share: np.ndarray, keep: np.ndarray, growth: np.ndarray, crowd: str,
+          report: Report) -> np.ndarray:
     """(m,) bool: the instances that a part keeps, about those in the mask `keep` (m,), enlarged by `growth` (m,).
 
     crowd: names of what shines and takes much of the room.

@@ -11,12 +11,13 @@ from ....model.geometry import surfaces
 from ..data.cache import ConversionCache
 from ..data.collected import Part
 from ..data.mesh import areas
+from ..data.report import Report
 from ..meshes.represent import represent
 
 MOST = 4_000_000  # triangles that rays meet: about a gigabyte
 
 
-def match_tokens(parts: list[Part], report, cache: ConversionCache | None = None) -> None:
+def match_tokens(parts: list[Part], report: Report, cache: ConversionCache | None = None) -> None:
     """Find the token of each real triangle, for all parts that were simplified and divided.
 
     Where there are more than MOST real triangles, rays meet the simplified ones of those parts that have the most for
@@ -46,7 +47,7 @@ def _piece_gain(part: Part) -> np.ndarray:
     return (lost[piece] * own.sum() / (lost[piece] @ own)).astype(np.float32)
 
 
-def _limit(parts: list[Part], report) -> None:
+def _limit(parts: list[Part], report: Report) -> None:
     """Forget real meshes until there is room for the others."""
     total = sum(map(_count, parts))
     simplified = [part for part in parts if part.real is not None]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..data.report import Report
 from ..shading import graph
 from ..shading.evaluate import Evaluator
 from ..shading.lamp_nodes import LampPoints
@@ -29,7 +30,7 @@ class LampLight:
     is_rough_guess: bool = False  # whether it falls off otherwise
 
 
-def compute_lamp_light(light, name: str, report, frame: np.ndarray, distance: float) -> LampLight | None:
+def compute_lamp_light(light, name: str, report: Report, frame: np.ndarray, distance: float) -> LampLight | None:
     """The light of a Lamp (data/blocks.py); None when it emits none.
 
     frame: (3, 3) rotation of the lamp; distance: to the center of the scene, for lamps that do not fall off
@@ -56,7 +57,7 @@ def _has_falloff(light) -> bool:
     return light.node_tree is not None and any(node.bl_idname == FALLOFF_NODE for node in light.node_tree.nodes)
 
 
-def _emission(light, name, report, frame, distance) -> np.ndarray:
+def _emission(light, name, report: Report, frame, distance) -> np.ndarray:
     """(3,), or (directions, points, 3), either of them perhaps 1."""
     output = graph.output_node(light.node_tree)
     if output is None:

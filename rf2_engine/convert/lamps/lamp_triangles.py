@@ -14,6 +14,7 @@ from ....model.beams import spread_borders
 from ....model.geometry import area_vectors
 from ....model.scene import HALF_SPACE, RenderScene
 from ..data.copied import LampInstance, Sun
+from ..data.report import Report
 from . import shapes
 from .beams import Cone, find_spot_beam
 from .lamp_power import ball_power, compute_lamp_light, normalized
@@ -32,7 +33,7 @@ WIDEST_SHADE = math.radians(80)  # of the black shade around a lamp that shines 
 FINE, COARSE = Detail(20, 12, 8, 4), Detail(8, 6, 4, 1)
 
 
-def convert_light(instance: LampInstance, sphere: BoundingSphere, report, detail: Detail = FINE) -> RenderScene:
+def convert_light(instance: LampInstance, sphere: BoundingSphere, report: Report, detail: Detail = FINE) -> RenderScene:
     """Triangles of one lamp, ready for `RenderScene.appended`."""
     lamp = _place(instance, sphere, report, detail)
     if lamp is None:
@@ -41,13 +42,13 @@ def convert_light(instance: LampInstance, sphere: BoundingSphere, report, detail
     return replace(shape, is_rough_guess=np.ones(len(shape), bool)) if lamp.is_rough_guess else shape
 
 
-def convert_sun_lamp(instance: LampInstance, sphere: BoundingSphere, report) -> Sun | None:
+def convert_sun_lamp(instance: LampInstance, sphere: BoundingSphere, report: Report) -> Sun | None:
     """A sun lamp as a Sun; None if it emits no light."""
     lamp = _place(instance, sphere, report, FINE)
     return None if lamp is None else _sun(lamp)
 
 
-def _place(instance: LampInstance, sphere: BoundingSphere, report, detail: Detail) -> PlacedLamp | None:
+def _place(instance: LampInstance, sphere: BoundingSphere, report: Report, detail: Detail) -> PlacedLamp | None:
     """None for a lamp that emits no light, perhaps with a remark."""
     light, name, matrix = instance.light, instance.name, instance.matrix
     frame = rotation(matrix)

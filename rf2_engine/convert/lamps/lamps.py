@@ -14,6 +14,7 @@ from ....model.geometry import area_vectors
 from ....model.scene import RenderScene
 from ..data.copied import LampInstance, Sun
 from ..data.mesh import within_reach
+from ..data.report import Report
 from .lamp_triangles import COARSE, FINE, convert_light, convert_sun, convert_sun_lamp
 from .placed_lamp import BoundingSphere, Detail
 from .shapes import reach_of, reaching
@@ -24,7 +25,7 @@ FACING, COLOR = 0.3, 0.1  # how much differences in these count beside a distanc
 
 
 def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, sphere: BoundingSphere,
-                  clear: np.ndarray, report) -> list[RenderScene]:
+                  clear: np.ndarray, report: Report) -> list[RenderScene]:
     """Triangles of each lamp and each sun; too many become coarser, and then close ones are merged.
 
     budget: most triangles of all together; clear (3,): the share of sunlight that reaches the scene.
@@ -76,7 +77,7 @@ def _is_sun(lamp: LampInstance) -> bool:
     return lamp.light.type == "SUN"
 
 
-def _sun_disks(suns: list[Sun], sphere: BoundingSphere, detail: Detail, report) -> list[RenderScene]:
+def _sun_disks(suns: list[Sun], sphere: BoundingSphere, detail: Detail, report: Report) -> list[RenderScene]:
     return [_in_group(reaching(_within_numbers(convert_sun(sun, sphere, detail), "Sun", report), sun.reach),
                       sun.light_group) for sun in suns]
 
@@ -85,7 +86,7 @@ def _in_group(shape: RenderScene, group: int) -> RenderScene:
     return replace(shape, light_group=np.full(len(shape), group, np.int32)) if group else shape
 
 
-def _within_numbers(shape: RenderScene, name: str, report) -> RenderScene:
+def _within_numbers(shape: RenderScene, name: str, report: Report) -> RenderScene:
     """The lamp, or no triangles if it is too large or too far away; reports radiance that half floats cannot hold."""
     if not within_reach(shape.triangles).all():
         report.refused(name, "its size or location is too large: reset them")

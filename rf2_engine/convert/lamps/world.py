@@ -63,7 +63,7 @@ def draw_world(cycles_world, world: World | None) -> dict[Ray, tuple[np.ndarray,
     return drawn if all(drawn.values()) else None
 
 
-def convert_world_light(world: World | None, drawn: dict | None, report, keep_suns: bool = False) -> WorldLight:
+def convert_world_light(world: World | None, drawn: dict | None, report: Report, keep_suns: bool = False) -> WorldLight:
     """What a world sends out (`convert_world`).
 
     drawn: what Cycles has drawn of it (`draw_world`). keep_suns: small bright areas of it stay where they are.
@@ -119,7 +119,7 @@ def _rough_suns(world) -> list[Sun]:
     return split_suns(convert_world(world, Report()))[1]
 
 
-def convert_world(world: World, report, ray: Ray = Ray.DIFFUSE) -> np.ndarray:
+def convert_world(world: World, report: Report, ray: Ray = Ray.DIFFUSE) -> np.ndarray:
     """(256, 512, 3) f32 radiance, scene-linear, by direction as in docs/scene-input.md 7.1, as such rays see it.
 
     Every texel is the mean over its solid angle, so the energy of small bright suns in an HDRI is kept.
@@ -147,7 +147,7 @@ def _supersampling(world: World) -> int:
     return int(np.clip(np.ceil(max(world.widths) / ENVIRONMENT_SHAPE[1]), 2, MAX_SUPERSAMPLING))
 
 
-def _emission(output, directions: np.ndarray, report, world: World, ray: Ray) -> np.ndarray:
+def _emission(output, directions: np.ndarray, report: Report, world: World, ray: Ray) -> np.ndarray:
     """(..., 3) radiance of a world from unit directions (..., 3); (3,) where it is the same from all."""
     evaluator = Evaluator(Points(direction=directions, ray=ray), world.node_tree.conventions, report, world.name)
     emission = closure_at(NodeCall(evaluator, output), "Surface").emission
@@ -157,7 +157,7 @@ def _emission(output, directions: np.ndarray, report, world: World, ray: Ray) ->
     return np.maximum(emission, 0)
 
 
-def _band(output, first_row, columns, fineness, report, world: World, ray: Ray) -> np.ndarray:
+def _band(output, first_row, columns, fineness, report: Report, world: World, ray: Ray) -> np.ndarray:
     """(BAND_ROWS, columns, 3) rows of the map."""
     height, width = ENVIRONMENT_SHAPE[0] * fineness, columns * fineness
     rows = np.arange(first_row * fineness, (first_row + BAND_ROWS) * fineness)

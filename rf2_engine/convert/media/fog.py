@@ -10,6 +10,7 @@ from ....model.scene import View
 from ..data.collected import CollectedScene
 from ..data.copied import Instance
 from ..data.medium import Box
+from ..data.report import Report
 from ..shading.volume import has_volume, volume_coefficients, volume_points
 from .volumes import shaded_medium
 
@@ -20,7 +21,7 @@ NOWHERE = np.zeros((2, 3), np.float32)
 
 
 def add_fog(collected: CollectedScene, world, box: np.ndarray, view: View | None, shown: np.ndarray | None,
-            report) -> np.ndarray:
+            report: Report) -> np.ndarray:
     """Adds the fog in a box (2, 3), where a view looks past the surfaces that it shows, and around lamps nearby.
 
     shown: (P, 3) points of these; None without a view. Returns (3,) the share of light from infinitely far that comes

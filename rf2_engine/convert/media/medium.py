@@ -11,6 +11,7 @@ from ....model import progress
 from ....model.geometry import euler_angles
 from ....model.scene import CELLS, VOXELS, Volumes
 from ..data.medium import Medium, voxel_centres
+from ..data.report import Report
 
 MAX_CELLS = 1024          # what the published networks were trained with (docs/scene-input.md 2.4)
 # A cell is dropped whose densest voxel is not above this fraction of the box's maximum, and whose optical depth is not
@@ -19,7 +20,7 @@ OCCUPIED, CLEAR = 0.02, 0.004
 FINE_MEDIA = 16, 128      # of the largest begin with CELLS per axis, with half as many; all others with a quarter
 
 
-def cells(media: list[Medium], report) -> Volumes | None:
+def cells(media: list[Medium], report: Report) -> Volumes | None:
     """All occupied cells, at most `MAX_CELLS`; None if there are none.
 
     Where they do not fit thin cells are dropped first, and then boxes are drawn with fewer, larger cells (the finest

@@ -10,6 +10,7 @@ import numpy as np
 from ....model.scene import CELLS
 from ..data.copied import CopiedVolume, Grid, Instance
 from ..data.medium import Box, Medium, box_around, voxel_centres
+from ..data.report import Report
 from ..shading.volume import volume_coefficients, volume_emission, volume_points
 from .grids import in_box
 from .inside import fill_voxels
@@ -20,7 +21,7 @@ SAME_TINT = 0.05  # most difference in colour that is not worth a remark
 DEFAULT_GRID, DEFAULT_COEFFICIENT = "density", 0.5
 
 
-def shaded_medium(name: str, box: Box, coefficients: Callable, report, filling: Callable | None = None,
+def shaded_medium(name: str, box: Box, coefficients: Callable, report: Report, filling: Callable | None = None,
                   emission: Callable | None = None) -> Medium:
     """A box that is not the same everywhere, or is.
 
@@ -55,7 +56,7 @@ def shaded_medium(name: str, box: Box, coefficients: Callable, report, filling: 
                   glows)
 
 
-def grid_medium(name: str, matrix: np.ndarray, grids: dict[str, Grid], coefficients, report,
+def grid_medium(name: str, matrix: np.ndarray, grids: dict[str, Grid], coefficients, report: Report,
                 emission=None) -> Medium:
     """The medium that one or more grids of an object fill, along the axes of the first.
 
@@ -78,7 +79,7 @@ def grid_medium(name: str, matrix: np.ndarray, grids: dict[str, Grid], coefficie
                          emission=None if emission is None else partial(at, emission))
 
 
-def gridded(volume: CopiedVolume, report) -> Medium:
+def gridded(volume: CopiedVolume, report: Report) -> Medium:
     """The grids of a Volume object or of gas."""
     corners = np.float32(volume.box)[[0, 6]]
     texture_space = np.stack([corners.mean(axis=0), np.ptp(corners, axis=0) / 2])
@@ -107,7 +108,7 @@ def gridded(volume: CopiedVolume, report) -> Medium:
 class MeshVolume:
     """The inside of a closed mesh, for all its instances. corners: (n, 3, 3) in the frame of the object."""
 
-    def __init__(self, name: str, corners: np.ndarray, material, texture_space: np.ndarray, report):
+    def __init__(self, name: str, corners: np.ndarray, material, texture_space: np.ndarray, report: Report):
         self.name, self.material, self.texture_space, self.report = name, material, texture_space, report
         self.corners = corners.reshape(-1, 3).astype(np.float64)
         self._coefficients: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}  # those of all instances

@@ -9,6 +9,7 @@ import numpy as np
 from ..data import mesh as meshes
 from ..data.copied import Instance
 from ..data.mesh import TriangleMesh
+from ..data.report import Report
 from ..shading import graph
 from ..shading.evaluate import Evaluator
 from ..shading.material import HEIGHT_UNIT
@@ -41,7 +42,7 @@ class CornerPoints(Points):
         raise Unknown("a changed normal does not displace")
 
 
-def displace(mesh: TriangleMesh, slots: list, instance: Instance, is_diced: bool, report) -> TriangleMesh:
+def displace(mesh: TriangleMesh, slots: list, instance: Instance, is_diced: bool, report: Report) -> TriangleMesh:
     """`mesh` displaced along its normals by its materials, if that is too much for heights of tiles, or it is diced.
 
     slots: materials. The material's own displacement counts as done then (`is_displaced`).
@@ -79,7 +80,7 @@ def _moves(material) -> bool:
             and material.displacement_method != "BUMP")
 
 
-def _offset(material, mesh: TriangleMesh, instance: Instance, report) -> np.ndarray:
+def _offset(material, mesh: TriangleMesh, instance: Instance, report: Report) -> np.ndarray:
     """(m, 3, 1) displacement along the normal, in the frame of the object."""
     uv = {name: np.pad(layer.reshape(-1, 2), ((0, 0), (0, 1))) for name, layer in mesh.uv.items()}
     named = {name: layer.reshape(-1, layer.shape[-1]) for name, layer in mesh.attributes.items()}

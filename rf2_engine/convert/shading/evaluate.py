@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..data.blocks import Conventions
+from ..data.report import Report
 from . import graph
 from .functions import FUNCTIONS
 from .node_call import DependsOnView, NodeCall, Unknown
@@ -22,7 +23,7 @@ LONGEST_CHAIN = 150  # nodes: Python allows 1000 nested calls
 class Evaluator:
     """Values of input sockets of one data-block `owner` over `points`; remembers what it has computed."""
 
-    def __init__(self, points: Points, conventions: Conventions, report, owner: str, baker=None):
+    def __init__(self, points: Points, conventions: Conventions, report: Report, owner: str, baker=None):
         self.points, self.conventions, self.report = points, conventions, report
         self.owner, self.baker = owner, baker
         self.material_index = 0

@@ -36,7 +36,7 @@ class EvaluatedMaterial(NamedTuple):
     depends_on_scale: bool = False     # on the size of the instance
 
 
-def evaluate_material(material: Material, points: Points, report, baker=None,
+def evaluate_material(material: Material, points: Points, report: Report, baker=None,
                       keeps_lobes: bool = False) -> EvaluatedMaterial:
     """baker: as of Evaluator. keeps_lobes: as of MaterialTiles."""
     tree = material.node_tree

@@ -13,6 +13,7 @@ from ....model.surface_kinds import Ray
 from ..data.blocks import Material
 from ..data.copied import Instance
 from ..data.mesh import TriangleMesh, areas
+from ..data.report import Report
 from . import graph
 from .closure import SurfaceParameters, joined
 from .material import evaluate_material
@@ -57,7 +58,7 @@ class _ShadedTriangles(NamedTuple):
 class MaterialTiles:
     """Collects the tiles of one conversion; equal homogeneous materials share a tile."""
 
-    def __init__(self, report, baker=None, keeps_lobes: bool = False):
+    def __init__(self, report: Report, baker=None, keeps_lobes: bool = False):
         """keeps_lobes: `two_lobes` will be shown, so that one surface in their place is no approximation."""
         self.report, self.baker, self.keeps_lobes = report, baker, keeps_lobes
         self._chunks: list[np.ndarray] = []

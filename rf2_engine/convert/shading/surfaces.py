@@ -10,6 +10,7 @@ from ....model.scene import HALF_SPACE, SELDOM, Geometry, RenderScene
 from ..data import mesh as meshes
 from ..data.collected import Part
 from ..data.copied import Instance
+from ..data.report import Report
 from .appearance import TriangleAppearance, find_appearance
 from .hit_materials import HitMaterials
 from .material_tiles import MaterialTiles
@@ -19,7 +20,7 @@ USUAL = {"hidden": 0, "light_group": 0} | {name: SELDOM[name] for name in (
     "group", "lit_groups", "blockers", "is_holdout", "shadow_tile", "emission_tile")}
 
 
-def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
+def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report: Report,
                       hit_materials: HitMaterials | None = None) -> RenderScene:
     """Surfaces and mesh emitters in world space; instances share the tiles that do not depend on the instance.
 
@@ -77,7 +78,7 @@ def _add(lists: dict[str, list[np.ndarray]], values: dict[str, np.ndarray]) -> N
 
 
 def _instance_fields(part: Part, instance: Instance, materials: MaterialTiles, shared: dict,
-                     report) -> tuple[dict[str, np.ndarray], np.ndarray]:
+                     report: Report) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Fields of a RenderScene for the triangles of one instance, and which of these show.
 
     shared: as in `_instance_appearance`.

@@ -63,7 +63,7 @@ def volume_points(inside: np.ndarray, texture_space: np.ndarray, instance: Insta
                         inside=inside.astype(np.float32), grids=grids)
 
 
-def volume_coefficients(material, report, points: VolumePoints | None = None,
+def volume_coefficients(material, report: Report, points: VolumePoints | None = None,
                         ) -> tuple[np.ndarray, np.ndarray] | None:
     """Scattering and absorption, (3,) f32 RGB each per world unit, or None when there is no Volume shader.
 
@@ -80,7 +80,7 @@ def volume_coefficients(material, report, points: VolumePoints | None = None,
     return np.maximum(scattering, 0), np.maximum(absorption, 0)
 
 
-def volume_emission(material, report, points: VolumePoints | None = None) -> np.ndarray:
+def volume_emission(material, report: Report, points: VolumePoints | None = None) -> np.ndarray:
     """Radiance per world unit of length that a Volume shader sends out, (3,), or (n, ..., 3) as above."""
     output = _volume_output(material)
     if output is None:
