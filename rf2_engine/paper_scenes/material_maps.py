@@ -37,11 +37,11 @@ class DescribedMaterial:
     latent: np.ndarray | None = None                           # (9,) f32
 
 
-def describe(material: Material | None, mesh: TriangleMesh, place: Instance, report: Report) -> DescribedMaterial:
+def describe(material: Material | None, mesh: TriangleMesh, instance: Instance, report: Report) -> DescribedMaterial:
     """Describe the material of triangles of one slot in an instance. The report names what is lost."""
     if material is None:
         return DescribedMaterial(BARE)
-    values = _Values(material, surface_points(_sample_triangles(mesh), place), report)
+    values = _Values(material, surface_points(_sample_triangles(mesh), instance), report)
     emission = mean_over_triangle(values["emission"]).reshape(-1, 3)
     if emission.max() >= EMITTER_RADIANCE:
         if np.ptp(emission, axis=0).max() > 0.01 * emission.max():
@@ -55,8 +55,8 @@ def describe(material: Material | None, mesh: TriangleMesh, place: Instance, rep
         return DescribedMaterial(FrameMaterial(MEASURED), latent=np.float32(material.latent))
     if not values.varies:
         return DescribedMaterial(_homogeneous(values.numbers()))
-    sheet = _Values(material, surface_points(_uv_sheet(mesh), place), Report())
-    moved = _Values(material, surface_points(_move_sheet(_uv_sheet(mesh)), place), Report())
+    sheet = _Values(material, surface_points(_uv_sheet(mesh), instance), Report())
+    moved = _Values(material, surface_points(_move_sheet(_uv_sheet(mesh)), instance), Report())
     if not mesh.uv or not sheet.equals(moved):
         report.approximated(material.name, "it varies by more than UVs: its mean is used; bake it to images first")
         return DescribedMaterial(_homogeneous(values.numbers()))

@@ -107,8 +107,8 @@ def _strands(obj, count: int, longest: int, knots_of: Callable[[np.ndarray, int]
     """
     def ribbons(most: int, knots: int, is_crossed: bool) -> TriangleMesh:
         is_kept, growth = keep_sample(np.ones(count), most)
-        place, radius = knots_of(np.flatnonzero(is_kept), knots)
-        return _ribbons(place, radius * growth[is_kept, None] ** 2, is_crossed)
+        position, radius = knots_of(np.flatnonzero(is_kept), knots)
+        return _ribbons(position, radius * growth[is_kept, None] ** 2, is_crossed)
 
     knots = min(longest, REAL_KNOTS)
     few, many = TOKENS // (2 * (KNOTS - 1)), REAL // (4 * (knots - 1))

@@ -28,13 +28,13 @@ def simplify(points: np.ndarray, faces: np.ndarray, target_count: int) -> tuple[
         progress.report((begin - len(faces)) / (begin - target_count))
         edges = _edges(faces)
         count = (max(int(SHARE * excess), min(FEW, excess)) + 1) // 2
-        staying, removed, place = _collapsible(points, faces, quadrics, edges, count, cheap, random)
+        staying, removed, position = _collapsible(points, faces, quadrics, edges, count, cheap, random)
         if len(staying) < count / 4:
             if cheap * count > len(edges) and len(staying) == 0:
                 break
             cheap *= 2
         quadrics[staying] += quadrics[removed]
-        points[staying] = place
+        points[staying] = position
         names = np.arange(len(points))
         names[removed] = staying
         faces = names[faces]
@@ -67,13 +67,13 @@ def _collapsible(points: np.ndarray, faces: np.ndarray, quadrics: np.ndarray, ed
     Returns (k,) points that stay, (k,) that are removed, and (k, 3) new positions of the former. Among neighbours the
     choice is random: errors change so smoothly that few edges are cheaper than all around them.
     """
-    place, error = _best_places(points, quadrics, edges)
+    position, error = _best_positions(points, quadrics, edges)
     error += BIAS * np.square(np.square(points[edges[:, 0]] - points[edges[:, 1]]).sum(axis=1))
     if cheap * count < len(error):
         some = np.argpartition(error, cheap * count)[:cheap * count]
-        edges, place = edges[some], place[some]
+        edges, position = edges[some], position[some]
     order = random.permutation(len(edges))
-    edges, place = edges[order], place[order]
+    edges, position = edges[order], position[order]
     # A triangle belongs to the first of the edges at its corners; an edge that has all around it is independent.
     owner = np.full(len(points), len(edges))
     np.minimum.at(owner, edges.ravel(), np.repeat(np.arange(len(edges)), 2))
@@ -83,7 +83,7 @@ def _collapsible(points: np.ndarray, faces: np.ndarray, quadrics: np.ndarray, ed
     own = np.arange(len(edges))
     free = (first[edges] == own[:, None]).all(axis=1)
     moved = points.copy()
-    moved[edges[free]] = place[free][:, None]
+    moved[edges[free]] = position[free][:, None]
     rows = np.flatnonzero((around < len(edges)) & free[np.where(around < len(edges), around, 0)])
     of, ring = around[rows], faces[rows]
     has = ring[:, :, None] == edges[of][:, None, :]  # (r, 3, 2): the corner is this end of the edge
@@ -92,7 +92,7 @@ def _collapsible(points: np.ndarray, faces: np.ndarray, quadrics: np.ndarray, ed
     cosine = (meshes.face_normals(points[ring[one]]) * meshes.face_normals(moved[ring[one]])).sum(axis=1)
     free[of[one][cosine < TURNED]] = False
     chosen = np.flatnonzero(free)[:count]
-    return edges[chosen, 0], edges[chosen, 1], place[chosen]
+    return edges[chosen, 0], edges[chosen, 1], position[chosen]
 
 
 def _pinched(of: np.ndarray, ring: np.ndarray, has: np.ndarray, count: int) -> np.ndarray:
@@ -106,7 +106,7 @@ def _pinched(of: np.ndarray, ring: np.ndarray, has: np.ndarray, count: int) -> n
     return np.setdiff1d(common, shared) // count
 
 
-def _best_places(points: np.ndarray, quadrics: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _best_positions(points: np.ndarray, quadrics: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(e, 3) best positions of the points that replace edges, and (e,) squared distances from their planes there."""
     quadric = quadrics[edges].sum(axis=1)
     a, b, c = points[edges[:, 0]], points[edges[:, 1]], (points[edges[:, 0]] + points[edges[:, 1]]) / 2
@@ -119,10 +119,10 @@ def _best_places(points: np.ndarray, quadrics: np.ndarray, edges: np.ndarray) ->
             cofactors[1] * xw + (xx * zz - xz * xz) * yw + (xy * xz - xx * yz) * zw,
             cofactors[2] * xw + (xy * xz - xx * yz) * yw + (xx * yy - xy * xy) * zw], axis=1) / determinant[:, None]
     near = np.square(best - c).sum(axis=1) < np.square(a - b).sum(axis=1)  # and not NaN
-    places = np.stack([np.where(near[:, None], best, c), c, a, b])
-    errors = np.stack([_error(quadric, place) for place in places])
+    positions = np.stack([np.where(near[:, None], best, c), c, a, b])
+    errors = np.stack([_error(quadric, position) for position in positions])
     choice = errors.argmin(axis=0)
-    return places[choice, np.arange(len(edges))], errors.min(axis=0).clip(0)
+    return positions[choice, np.arange(len(edges))], errors.min(axis=0).clip(0)
 
 
 def _error(quadric: np.ndarray, point: np.ndarray) -> np.ndarray:
