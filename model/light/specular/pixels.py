@@ -49,13 +49,13 @@ def reflected_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, 
     to_tensor, has_light = tensors_on(has_end.device), "complete" in light and guides.reflected_light is not None
     if has_light:
         light["complete"] = light["complete"] + to_tensor(guides.reflected_light)
+    lobes = _seen_lobes(guides, surfaces, MIRRORED)
+    for lobe in lobes.values():
+        lobe.add_gloss(light, direct, gather)
     image = torch.cat([*light.values(), has_end.float()], -1)
     *images, share = blurred_image(image, to_tensor(guides.reflected_position), has_end, surfaces).split(
         [3] * len(light) + [1], -1)
     light = dict(zip(light, images, strict=True))
-    lobes = _seen_lobes(guides, surfaces, MIRRORED)
-    for lobe in lobes.values():
-        lobe.add_gloss(light, direct, gather)
     if has_light:
         mean = ((surfaces.roughness[..., None] - FINE[0]) / (FINE[1] - FINE[0])).clamp(0, 1)
         if guides.mirrored_roughness is not None:
