@@ -79,7 +79,9 @@ def refracted_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, 
             lobe.lamps(direct) for lobe in _seen_lobes(guides, surfaces, (*LEAVING, BEHIND)).values())
     if not light:
         return light
-    blurred = frosted(torch.cat(list(light.values()), -1), surfaces)  # all at once, which have the same weights
+    end, color = map(tensors_on(direct.device), (guides.refracted_position, guides.refracted_color))
+    blurred = frosted(  # all at once, which have the same weights
+        torch.cat(list(light.values()), -1), surfaces, end, color.any(-1))
     return dict(zip(light, blurred.split(3, -1), strict=True))
 
 
