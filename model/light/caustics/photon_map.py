@@ -11,10 +11,11 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ...compute.threads import shared
-from .surface_elements import near_photons, surface_elements
+from .surface_elements import near_many_photons, near_photons, surface_elements
 
 SPACINGS = 0.016, 0.032, 0.064  # network units between the nodes of the grids
 ENOUGH = 120.0  # photons on the area of a node from which on a grid twice as fine is used
+FEW = 8.0     # up to which it is not: there the area of surfaces is not measured as finely, which may be far off
 NOISE = 0.7   # standard deviations by which light must differ for that, up to one more
 THIN, THICKER = 4e-3, 0.25  # thickness of a layer of nodes: network units, and the share of the spacing added
 ALONG = 0.4     # component of a normal from which on its surface is in the grids across that axis
@@ -40,12 +41,14 @@ class PhotonMap:
         surfaces: (G, 3, 3) triangles that photons can end on; without any, all are large and flat. most_grids: how many
         of the coarsest grids there are, at most.
         """
-        near = np.zeros((0, 3, 3), np.float32) if surfaces is None else near_photons(
-            surfaces, position.cpu().numpy(), 2 * SPACINGS[-1])
+        place, reach = position.cpu().numpy(), 2 * SPACINGS[-1]
+        near = np.zeros((0, 3, 3), np.float32) if surfaces is None else near_photons(surfaces, place, reach)
         light = F.pad(F.pad(flux, (0, 1), value=1.0), (0, 1))
 
         def grid(spacing: float) -> _Grid:
-            middle, up, area = (torch.from_numpy(x).to(flux) for x in surface_elements(near, ELEMENT * spacing))
+            is_coarsest = spacing == SPACINGS[-1]
+            parts = near if is_coarsest else near_many_photons(near, place, 2 * spacing, reach)
+            middle, up, area = (torch.from_numpy(x).to(flux) for x in surface_elements(parts, ELEMENT * spacing))
             area = F.pad(area[:, None], (4, 0))
             return _grid(torch.cat([position, middle, middle]), torch.cat([normal, up, -up]),
                          torch.cat([light, area, area]), spacing)
@@ -69,7 +72,8 @@ class PhotonMap:
         near = count.nonzero()[:, 0]
         count = count[near]
         for grid in reversed(finer):
-            fine = (count / ENOUGH).clamp(max=1)[:, None]  # by the coarser grid: beside a focus there are few photons
+            # By the coarser grid: beside a focus there are few photons.
+            fine = ((count - FEW) / ENOUGH).clamp(0, 1)[:, None]
             coarse, expected = radiance[near], count / 4
             finer_radiance, count = _look_up(grid, position[near], normal[near])
             fine = fine * _differs(coarse, finer_radiance, torch.maximum(count, expected))

@@ -23,6 +23,12 @@ def near_photons(corners: np.ndarray, position: np.ndarray, reach: float) -> np.
     return np.concatenate([parts, _beside(corners[~is_long], position, reach)])
 
 
+def near_many_photons(parts: np.ndarray, position: np.ndarray, apart: float, reach: float) -> np.ndarray:
+    """Those of `near_photons` that are about `reach` from photons (N, 3) of which several are `apart` or less."""
+    cell, number = np.unique(group_key(*cell_index(position, apart)), return_inverse=True, return_counts=True)[1:]
+    return _beside(parts, position[number[cell] > 1], reach)
+
+
 def surface_elements(corners: np.ndarray, longest: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Middles (K, 3), unit normals (K, 3) and areas (K,) of parts of triangles (M, 3, 3), no longer than `longest`.
 

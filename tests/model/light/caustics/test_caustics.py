@@ -92,6 +92,18 @@ def test_photons_at_a_border_of_a_surface_light_all_of_it_and_fade_where_it_goes
     assert found == pytest.approx(border, abs=0.12)
 
 
+def test_photons_all_over_a_wide_ground_leave_a_focus_as_it_is():
+    """Of so much ground the area could not be measured finely enough."""
+    random = torch.Generator().manual_seed(0)
+    focus, around = (torch.rand(count, 2, generator=random) * width - width / 2 for count, width in (
+        (10_000, 0.4), (3000, 20)))
+    at = F.pad(torch.cat([focus, around]), (0, 1))
+    ground = 20 * np.float32([[(-1, -1, 0), (1, -1, 0), (1, 1, 0)], [(-1, -1, 0), (1, 1, 0), (-1, 1, 0)]])
+    photons = PhotonMap(at, UP.expand(13_000, 3), torch.full((13_000, 3), 0.16 / 10_000 * np.pi), ground)
+    found = photons.radiance(AROUND * 0.7, UP.expand(100, 3))
+    torch.testing.assert_close(found, torch.ones(100, 3), rtol=0.3, atol=0)
+
+
 def test_few_photons_are_spread_far_and_many_stay_where_they_are():
     at = torch.tensor([[0.0, 0.0, 0.0], [0.05, 0.0, 0.0]])
     few, many = (PhotonMap(*(x.expand(count, 3) for x in (MIDDLE, UP, torch.ones(1, 3) / count)))
