@@ -7,6 +7,7 @@ computed at probes and interpolated.
 """
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 
@@ -27,18 +28,29 @@ from .direct.pixels import add_sheen, direct_light
 from .edges import find_edges
 from .effort import FULL, Effort
 from .hit_surfaces import HitSurfaces, tensors_on
-from .probes import SMOOTH, ComputeLight, Probes, probe_grid
+from .probes import SMOOTH, ComputeLight, Filter, Probes, probe_grid
 from .separation import Separation
 from .specular.paths import blur
-from .specular.pixels import SeenLobe, path_end_light, reflected_light, refracted_light
+from .specular.pixels import (
+    REACH,
+    SeenLobe,
+    in_glass,
+    in_mirrors,
+    path_end_light,
+    reflected_image,
+    reflected_light,
+    refracted_image,
+)
 from .surface_light import SurfaceLight
 from .vectors import dot
 
 GLOSS_RAYS = 0.25      # share of the rays of a glossy lobe, of what mirrors and glass show
 BEYOND = 4.0           # network units from a camera that sees nothing: no medium is farther off
-BANDS = 0.95           # of the work, before edges
+PATHS, BANDS = 0.2, 0.95  # of the work, after what paths meet and before edges
 BAND_PIXELS = 1 << 17  # estimated at a time by each thread: tensors of a large picture are gigabytes
-BAND_ROWS = 8          # bands have a multiple of so many rows, as many of which probes beside them light too
+BAND_ROWS = 128        # of a band at least, for those beside it are lit too:
+MARGIN = 16            # rows, from which a pixel has most of its light
+ALIGNED = 8            # a band begins at a multiple of it, so that its probes are those of the picture
 
 
 @dataclass
@@ -62,18 +74,27 @@ def estimate_light(light: SceneLight, view: View, guides: Guides, effort: Effort
         return _unshadowed_light(light, view, guides)
     height, width = guides.alpha.shape
     effort, pictures = effort.of_picture(view.width * view.height), Once()
+    paths = _PathLight(light, view, effort, guides.traced is not None, with_direct)
+    pixels = current_pieces().limit(max(BAND_PIXELS, BAND_ROWS * width))
+    rows = list(zip(*bands(height, width, MARGIN, pixels, ALIGNED), strict=True))
+
+    def path_images(outer: slice, inner: slice) -> list[dict[str, Tensor]]:
+        return [{kind: picture[inner] for kind, picture in image.items()}
+                for image in paths.images(guides.rows(outer), outer.start)]
 
     def estimate(outer: slice, inner: slice) -> None:
-        of_band = _estimate_band(light, view, guides.rows(outer), outer.start, effort, with_direct)
+        of_band = _estimate_band(paths, guides, outer, images)
         picture, band = pictures.get(lambda: _with_height(of_band, height)), slice(
             outer.start + inner.start, outer.start + inner.stop)
         for name in SurfaceLight.PICTURES:
             getattr(picture, name)[..., band, :] = getattr(of_band, name)[..., inner, :]
 
-    with part(0.0, BANDS):
-        pixels = current_pieces().limit(BAND_PIXELS)
-        shared(estimate, *zip(*bands(height, width, BAND_ROWS, pixels, BAND_ROWS), strict=True),
-               device=light.direct.device)
+    device = light.direct.device
+    with part(0.0, PATHS):
+        images = [{kind: torch.cat([image[kind] for image in of_bands]) for kind in of_bands[0]}
+                  for of_bands in zip(*shared(path_images, *rows, device=device), strict=True)]
+    with part(PATHS, BANDS):
+        shared(estimate, *rows, device=device)
     picture = pictures.get(None)
     if effort.edges:
         with part(BANDS, 1.0):
@@ -81,46 +102,95 @@ def estimate_light(light: SceneLight, view: View, guides: Guides, effort: Effort
     return picture
 
 
-def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int, effort: Effort,
-                   with_direct: bool) -> SurfaceLight:
-    """The light of some rows of the view, whose guides these are."""
-    direct, radiosity, is_traced = light.direct, light.radiosity, guides.traced is not None
-    surfaces = HitSurfaces.of(light.scene, view, guides, first_row, direct.device)
-    grid, filters = max(probe_grid(view.longer_side), effort.probe_grid), SMOOTH[:effort.smoothings]
-    make_probes = partial(Probes, grid=grid, finest=max(grid // effort.closer, 1))
+@dataclass
+class _PathLight:
+    """The light of what specular paths of a view meet."""
+
+    light: SceneLight
+    view: View
+    effort: Effort
+    is_traced: bool
+    with_direct: bool
+
+    def surfaces(self, guides: Guides, first_row: int) -> HitSurfaces:
+        return HitSurfaces.of(self.light.scene, self.view, guides, first_row, self.light.direct.device)
+
+    def make_probes(self, *picture: Tensor, **options) -> Probes:
+        grid = max(probe_grid(self.view.longer_side), self.effort.probe_grid)
+        return Probes(*picture, grid=grid, finest=max(grid // self.effort.closer, 1), **options)
+
+    @property
+    def filters(self) -> Sequence[Filter]:
+        return SMOOTH[:self.effort.smoothings]
+
+    def outgoing(self, group: int | None = None) -> ComputeLight:
+        direct = self.light.direct.reaching(group) if self.with_direct else None
+        return partial(outgoing_radiance, self.light.radiosity, direct, self.effort)
+
+    def gather(self, seen: HitSurfaces) -> GlossyPixels:
+        few = replace(self.effort, probe_rays=GLOSS_RAYS * self.effort.probe_rays)
+        probes = self.make_probes(seen.position, seen.normal, seen.is_covered)
+        return glossy_bounces(self.light.radiosity, probes, seen, self.filters, few, self.is_traced, self.with_direct)
+
+    def images(self, guides: Guides, first_row: int) -> list[dict[str, Tensor]]:
+        """What mirrors, glass and clear coats, if the scene has any, of some rows would show if they were smooth.
+
+        Where there are no coats, theirs is that of mirrors.
+        """
+        surfaces, direct = self.surfaces(guides, first_row), self.light.direct
+        ends = partial(path_end_light, self.make_probes, self.outgoing, self.filters, direct.device)
+        reflected = ends("reflected", guides)
+        mirrored, *coated = (reflected_image(guides, _as_wide_as_pixels(mirrors), direct, self.gather, reflected)
+                             for mirrors in (surfaces, surfaces.coated) if mirrors is not None)
+        refracted = refracted_image(guides, surfaces, direct, self.gather, ends, self.with_direct)
+        return [mirrored, refracted, *([] if self.light.scene.coat is None else coated or [mirrored])]
+
+
+def _as_wide_as_pixels(surfaces: HitSurfaces) -> HitSurfaces:
+    """Surfaces whose lobes are as wide as all that pixels mirror."""
+    return replace(surfaces, roughness=roughness_within(surfaces))
+
+
+def _estimate_band(paths: _PathLight, guides: Guides, rows: slice, images: list[dict[str, Tensor]]) -> SurfaceLight:
+    """The light of some rows of a view, whose guides these are.
+
+    images: as of `_PathLight.images`, of the whole view.
+    """
+    direct, radiosity, effort = paths.light.direct, paths.light.radiosity, paths.effort
+    is_traced, with_direct, filters, outgoing = paths.is_traced, paths.with_direct, paths.filters, paths.outgoing
+    around = slice(max(rows.start - REACH, 0), min(rows.stop + REACH, len(guides.alpha)))
+    own = slice(rows.start - around.start, rows.stop - around.start)
+    around_guides, guides = guides.rows(around), guides.rows(rows)
+    around_surfaces = paths.surfaces(around_guides, around.start)
+    surfaces = around_surfaces.rows(own)
+
+    def blurred(blur: Callable, image: dict[str, Tensor], surfaces: HitSurfaces) -> dict[str, Tensor]:
+        image = {kind: picture[around] for kind, picture in image.items()}
+        return {kind: picture[own] for kind, picture in blur(image, around_guides, surfaces).items()}
+
     with part(0.0, 0.02):
         separation = Separation(*(x.permute(2, 0, 1) for x in (surfaces.position, surfaces.normal)),
                                 surfaces.is_covered[..., 0], direct.occluders) if effort.walls else None
     rise = surfaces.rise
     raised = surfaces.position + rise * surfaces.normal
-    probes = make_probes(raised, surfaces.normal, surfaces.is_covered, separation=separation)
-
-    def outgoing(group: int | None = None) -> ComputeLight:
-        return partial(outgoing_radiance, radiosity, direct.reaching(group) if with_direct else None, effort)
-
-    with part(0.02, 0.3):
+    probes = paths.make_probes(raised, surfaces.normal, surfaces.is_covered, separation=separation)
+    with part(0.02, 0.4):
         bounced, sky, fire = diffuse_bounces(radiosity, probes, effort, with_direct)
-    path_ends = partial(path_end_light, make_probes, outgoing, filters, direct.device)
-    with part(0.3, 0.4):
-        mirrored = path_ends("reflected", guides)
 
-    def gather(seen: HitSurfaces) -> GlossyPixels:
-        few = replace(effort, probe_rays=GLOSS_RAYS * effort.probe_rays)
-        return glossy_bounces(radiosity, make_probes(seen.position, seen.normal, seen.is_covered), seen, filters, few,
-                              is_traced, with_direct)
-
-    def glossy_light(surfaces: HitSurfaces) -> GlossyPixels:
-        mirrors = replace(surfaces, roughness=roughness_within(surfaces))
+    def glossy_light(around_surfaces: HitSurfaces, image: dict[str, Tensor]) -> GlossyPixels:
+        around_mirrors = _as_wide_as_pixels(around_surfaces)
+        mirrors = around_mirrors.rows(own)
         gloss = glossy_bounces(radiosity, probes, mirrors, filters, effort, is_traced, with_direct)
         if with_direct:
-            gloss = gloss.with_lamps(SeenLobe.first(surfaces).highlights_through_glass(direct))
-        images, has_end = reflected_light(guides, mirrors, direct, gather, mirrored, gloss.highlights)
-        return gloss.with_images(images, (1 - blur(mirrors.roughness)[..., None]) * has_end)
+            gloss = gloss.with_lamps(SeenLobe.first(around_surfaces.rows(own)).highlights_through_glass(direct))
+        light, has_end = reflected_light(blurred(in_mirrors, image, around_mirrors), guides, mirrors, direct,
+                                         gloss.highlights)
+        return gloss.with_images(light, (1 - blur(mirrors.roughness)[..., None]) * has_end)
 
     with part(0.4, 0.5):
-        gloss, coated, of_coat = glossy_light(surfaces), surfaces.coated, None
+        gloss, coated, of_coat = glossy_light(around_surfaces, images[0]), surfaces.coated, None
         if coated is not None:
-            of_coat = glossy_light(coated)
+            of_coat = glossy_light(around_surfaces.coated, images[2])
             gloss = gloss.mixed(of_coat, surfaces.coat.share)
     with part(0.5, 0.6):
         passes = surfaces.is_glass
@@ -133,7 +203,7 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
                                     for kind in ("all", "bounced" if is_traced else "all"))
         behind = light_behind(outgoing(), probes, rise, filters, passes)
     with part(0.6, 0.7):
-        refracted = refracted_light(guides, surfaces, direct, gather, path_ends, with_direct)
+        refracted = blurred(in_glass, images[1], around_surfaces)
     dark = torch.zeros_like(bounced)
     common = _materials(surfaces) | {"is_traced": dark.new_full((1,), float(is_traced)), "has_rays": dark.new_ones(1)}
 

@@ -2,7 +2,7 @@
 """The surfaces that pixels show, as tensors: where first hits are, and what their materials reflect."""
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -75,6 +75,13 @@ class HitSurfaces:
                    None if sheen is None else _sheen(sheen, cosine, coverage, diffuse),
                    None if coat is None else _coat(coat, cosine, coverage, glossy),
                    None if scene.group is None or not len(scene) else scene.group[guides.hit_triangle.clip(0)])
+
+    def rows(self, rows: slice) -> HitSurfaces:
+        """Those of some rows; shared memory."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        of_rows = {name: value[rows] for name, value in values.items()
+                   if value is not None and name != "coat" and (name != "origin" or value.dim() > 1)}
+        return replace(self, **of_rows, coat=self.coat and Coat(*(value[rows] for value in self.coat)))
 
     @property
     def coated(self) -> HitSurfaces | None:

@@ -26,6 +26,7 @@ from .frosted import frosted
 from .glossy_image import blurred_image
 from .paths import BLURRED
 
+REACH = 64          # rows from which pixels of mirrors and glass that are not quite smooth show light
 LEAST_SHARE = 1e-3  # of a lobe, that meets surfaces, from which on their image is all that it shows
 RAYS = 4           # to each emitter from a mirrored point
 FINE = 0.03, 0.08  # roughness up to which one path finds the highlights in a mirror, and from which rays of the lobe do
@@ -36,40 +37,47 @@ Gather = Callable[[HitSurfaces], GlossyPixels]  # what white glossy lobes of sur
 PathEndLight = Callable[[str, Guides], tuple[dict[str, Tensor], Tensor]]  # `path_end_light`, of a lobe
 
 
-def reflected_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, gather: Gather,
-                    ends: tuple[dict[str, Tensor], Tensor], highlights: Tensor) -> tuple[dict[str, Tensor], Tensor]:
-    """What mirrors show, (h, W, 3) "bounced" or "complete", and (h, W, 1) bool where they show surfaces.
+def reflected_image(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, gather: Gather,
+                    ends: tuple[dict[str, Tensor], Tensor]) -> dict[str, Tensor]:
+    """What smooth mirrors would show, (h, W, 3) "bounced" or "complete", and (h, W, 1) "share", where surfaces.
 
-    ends: light at the ends of reflected paths, as `path_end_light` gives it. highlights: (h, W, 3) radiance of lamps in
-    the metal that is seen around the lobe, by many rays. Empty where no paths were followed.
+    ends: light at the ends of reflected paths, as `path_end_light` gives it. Empty where no paths were followed.
     """
     light, has_end = dict(ends[0]), ends[1]
     if not light:
-        return light, has_end
-    to_tensor, has_light = tensors_on(has_end.device), "complete" in light and guides.reflected_light is not None
-    if has_light:
-        light["complete"] = light["complete"] + to_tensor(guides.reflected_light)
-    lobes = _seen_lobes(guides, surfaces, MIRRORED)
-    for lobe in lobes.values():
+        return light
+    if "complete" in light and guides.reflected_light is not None:
+        light["complete"] = light["complete"] + tensors_on(has_end.device)(guides.reflected_light)
+    for lobe in _seen_lobes(guides, surfaces, MIRRORED).values():
         lobe.add_gloss(light, direct, gather)
-    image = torch.cat([*light.values(), has_end.float()], -1)
-    *images, share = blurred_image(image, to_tensor(guides.reflected_position), has_end, surfaces).split(
-        [3] * len(light) + [1], -1)
-    light = dict(zip(light, images, strict=True))
-    if has_light:
+    return light | {"share": has_end.float()}
+
+
+def reflected_light(image: dict[str, Tensor], guides: Guides, surfaces: HitSurfaces, direct: DirectLight,
+                    highlights: Tensor) -> tuple[dict[str, Tensor], Tensor]:
+    """What mirrors show, (h, W, 3) "bounced" or "complete", and (h, W, 1) bool where they show surfaces.
+
+    image: `reflected_image`, blurred. highlights: (h, W, 3) radiance of lamps in the metal that is seen around the
+    lobe, by many rays.
+    """
+    light = dict(image)
+    if not light:
+        return light, torch.zeros_like(surfaces.is_covered)
+    share = light.pop("share")
+    if "complete" in light and guides.reflected_light is not None:
         mean = ((surfaces.roughness[..., None] - FINE[0]) / (FINE[1] - FINE[0])).clamp(0, 1)
         if guides.mirrored_roughness is not None:
-            mean = mean * (to_tensor(guides.mirrored_roughness) < SMOOTH)
-        lamps = {name: lobe.lamps(direct) for name, lobe in lobes.items()}
+            mean = mean * (tensors_on(direct.device)(guides.mirrored_roughness) < SMOOTH)
+        lamps = {name: lobe.lamps(direct) for name, lobe in _seen_lobes(guides, surfaces, MIRRORED).items()}
         of_metal = lamps.pop("mirrored", torch.zeros_like(highlights))
         light["complete"] = light["complete"] + torch.lerp(of_metal, highlights, mean) + sum(lamps.values())
     return light, share > LEAST_SHARE
 
 
-def refracted_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, gather: Gather,
+def refracted_image(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, gather: Gather,
                     path_ends: PathEndLight, with_direct: bool) -> dict[str, Tensor]:
-    """What glass shows, (h, W, 3) from surfaces, "bounced" or "complete", and `with_direct` from lamps and the sky,
-    "direct"; blurred where it is rough. Empty where no paths were followed."""
+    """What smooth glass would show, (h, W, 3) from surfaces, "bounced" or "complete", and `with_direct` from lamps and
+    the sky, "direct". Empty where no paths were followed."""
     light, _ = path_ends("refracted", guides)
     behind = _seen_lobes(guides, surfaces, [BEHIND]).get(BEHIND)
     if behind is not None:
@@ -77,12 +85,29 @@ def refracted_light(guides: Guides, surfaces: HitSurfaces, direct: DirectLight, 
     if with_direct and guides.refracted_light is not None:
         light["direct"] = tensors_on(direct.device)(guides.refracted_light) + sum(
             lobe.lamps(direct) for lobe in _seen_lobes(guides, surfaces, (*LEAVING, BEHIND)).values())
-    if not light:
-        return light
-    end, color = map(tensors_on(direct.device), (guides.refracted_position, guides.refracted_color))
-    blurred = frosted(  # all at once, which have the same weights
-        torch.cat(list(light.values()), -1), surfaces, end, color.any(-1))
-    return dict(zip(light, blurred.split(3, -1), strict=True))
+    return light
+
+
+def in_mirrors(image: dict[str, Tensor], guides: Guides, surfaces: HitSurfaces) -> dict[str, Tensor]:
+    """`reflected_image` as surfaces that are not quite smooth show it; of pixels up to REACH rows off."""
+    if not image:
+        return image
+    end = tensors_on(surfaces.position.device)(guides.reflected_position)
+    return _at_once(lambda light: blurred_image(light, end, image["share"] > 0, surfaces), image)
+
+
+def in_glass(image: dict[str, Tensor], guides: Guides, surfaces: HitSurfaces) -> dict[str, Tensor]:
+    """`refracted_image` as rough glass shows it; of pixels up to REACH rows off."""
+    if not image:
+        return image
+    end, color = map(tensors_on(surfaces.position.device), (guides.refracted_position, guides.refracted_color))
+    return _at_once(lambda light: frosted(light, surfaces, end, color.any(-1)), image)
+
+
+def _at_once(blur: Callable[[Tensor], Tensor], image: dict[str, Tensor]) -> dict[str, Tensor]:
+    """All pictures (h, W, C), which are blurred by the same weights."""
+    sizes = [picture.shape[-1] for picture in image.values()]
+    return dict(zip(image, blur(torch.cat(list(image.values()), -1)).split(sizes, -1), strict=True))
 
 
 def path_end_light(make_probes: Callable[..., Probes], outgoing: Callable[[int | None], ComputeLight],

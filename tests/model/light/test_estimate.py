@@ -51,6 +51,7 @@ def test_glass_smooth_or_rough_shows_lamps_and_sky_where_its_paths_end():
     light, is_covered = scene_light(scene), torch.from_numpy(guides.alpha > 0)
     straight = estimate_light(light, view, guides)
     guides.refracted_light = np.full_like(guides.position, 2.0)
+    guides.refracted_position = guides.refracted_normal = guides.refracted_color = np.zeros_like(guides.position)
     for roughness in (0.0, 1.0):
         scene.tiles[:, ROUGHNESS] = roughness
         found = estimate_light(light, view, guides)
@@ -81,10 +82,16 @@ def test_a_black_object_in_a_lit_room_is_exactly_black():
     assert not radiance[..., :32].any() and radiance[..., 32, 40:48].min() > 0
 
 
+def divide(monkeypatch, rows: int) -> None:
+    """Into bands of so many rows."""
+    monkeypatch.setattr(estimate, "BAND_PIXELS", 1)
+    monkeypatch.setattr(estimate, "BAND_ROWS", rows)
+
+
 def test_bands_of_a_large_picture_change_nothing(monkeypatch):
     light, (view, guides) = scene_light(with_black_lamps(floor_scene())), floor_view(128, 64)
     whole = estimate_light(light, view, guides)
-    monkeypatch.setattr(estimate, "BAND_PIXELS", 24 * 128)
+    divide(monkeypatch, 24)
     bands = estimate_light(light, view, guides)
     for name in vars(whole):
         torch.testing.assert_close(getattr(bands, name), getattr(whole, name))
@@ -98,8 +105,26 @@ def test_a_shadow_has_no_seam_where_bands_meet(monkeypatch, rows):
     light = scene_light(scene.appended(flat(board, (0.5, 0.5, 0.5))))
     guides = cast_guides(light.scene, view)
     whole = estimate_light(light, view, guides).direct
-    monkeypatch.setattr(estimate, "BAND_PIXELS", rows * view.width)
+    divide(monkeypatch, rows)
     torch.testing.assert_close(estimate_light(light, view, guides).direct, whole, rtol=0, atol=1e-4 * whole.max())
+
+
+@pytest.mark.parametrize(("path", "shown"), [("reflected", "reflected"), ("refracted", "direct")])
+def test_what_mirrors_and_glass_blur_has_no_seam_where_bands_meet(monkeypatch, path, shown):
+    """Lamps at the ends of paths of some rows alone, 1.5 network units off."""
+    scene, (view, guides) = floor_scene(), floor_view(64, 96)
+    scene.tiles[:, ROUGHNESS] = 0.3
+    guides.glossy_color, guides.transmission_color = 0.5 * guides.diffuse_color, 0.5 * guides.diffuse_color
+    light, up = np.zeros_like(guides.position), np.float32((0, 0, 1))
+    light[40:48] = 2.0
+    for name, value in (("light", light), ("position", guides.position + 1.5 * up), ("normal", light * 0 - up),
+                        ("color", light * 0 + 0.1)):
+        setattr(guides, f"{path}_{name}", value)
+    of_scene = scene_light(scene)
+    whole = getattr(estimate_light(of_scene, view, guides), shown)
+    divide(monkeypatch, 16)
+    bands = getattr(estimate_light(of_scene, view, guides), shown)
+    torch.testing.assert_close(bands, whole, rtol=0, atol=0.01 * whole.max())
 
 
 @pytest.mark.parametrize("lobe", ["mirrored", "layer"])
