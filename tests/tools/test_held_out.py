@@ -40,4 +40,4 @@ def test_pictures_rank_as_the_readme_says(tmp_path, first, count):
         assert sorted(measured, key=measured.get) == sorted(ranks, key=ranks.get), measured
     assert measured["ours"] > LEAST
     assert measured["ours"] > measured["without_network"] + 0.2  # 1.1 in the table
-    assert measured["network_and_rays"] > measured["rays_alone"] + 0.2  # 1.9 in the table
+    assert measured["network_and_rays"] > measured["rays_alone"] + 0.1  # 1.2 in the table
