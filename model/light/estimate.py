@@ -84,8 +84,8 @@ def estimate_light(light: SceneLight, view: View, guides: Guides, effort: Effort
 
     def estimate(outer: slice, inner: slice) -> None:
         of_band = _estimate_band(paths, guides, outer, images)
-        picture, band = pictures.get(lambda: _with_height(of_band, height)), slice(
-            outer.start + inner.start, outer.start + inner.stop)
+        picture = pictures.get(lambda: _with_height(of_band, height))
+        band = slice(outer.start + inner.start, outer.start + inner.stop)
         for name in SurfaceLight.PICTURES:
             getattr(picture, name)[..., band, :] = getattr(of_band, name)[..., inner, :]
 

@@ -17,14 +17,15 @@ from torch.nn import functional as F
 
 from ...compute.devices import run_operator
 from ...environment import direction_map
+from ...geometry import reflected
 from ..chunks import in_chunks
 from ..cutouts import Cutouts
 from ..fresnel import reflectance
 from ..media.transmittance import Fog
 from ..sampling import cosine_directions, ggx_directions, local_basis
 from ..tensor_rays import TensorRays
-from ..vectors import dot, unit
-from .footprints import TURNED, mirrored_turn2, points_within
+from ..vectors import unit
+from .footprints import mirrored_turn2, points_within, widened_by_turn
 
 ROUGHNESS_LEVELS = 0.0, 0.125, 0.18, 0.25, 0.5, 0.75, 1.0
 POOLED = {0.125: (128, 256), 0.18: (64, 128)}  # sizes of maps whose pixels are as wide as lobes of this roughness
@@ -112,14 +113,14 @@ class EnvironmentLight:
         if footprint is not None:
             turn2 = mirrored_turn2(footprint)
             is_bent = ~is_wide & (turn2 > FLAT ** 2)
-            roughness = torch.where(is_wide, (roughness ** 4 + TURNED * turn2).clamp(max=1) ** 0.25, roughness)
+            roughness = torch.where(is_wide, widened_by_turn(roughness, turn2), roughness)
         radiance, rows = torch.empty_like(normal), partial(torch.nonzero, as_tuple=True)
         narrow, = rows(~is_wide & ~is_bent)
-        radiance[narrow] = self.filtered(_mirrored(normal[narrow], outgoing[narrow]), roughness[narrow])
+        radiance[narrow] = self.filtered(reflected(-outgoing[narrow], normal[narrow]), roughness[narrow])
         bent, = rows(is_bent)
         if len(bent):
             change = points_within(footprint[bent])
-            mirrored = _mirrored(unit(normal[bent] + change[..., 3:6]), unit(outgoing[bent] + change[..., 6:]))
+            mirrored = reflected(-unit(outgoing[bent] + change[..., 6:]), unit(normal[bent] + change[..., 3:6]))
             radiance[bent] = self.filtered(mirrored.flatten(0, 1), roughness[bent].repeat(len(change))).view_as(
                 mirrored).mean(0)
         wide, = rows(is_wide)
@@ -137,11 +138,6 @@ class EnvironmentLight:
         blur = torch.minimum((4 * math.pi * TAPS * density).clamp_min(1e-6) ** -0.25, roughness[:, None])
         taps = self.filtered(direction.flatten(0, 1), blur.flatten()).view_as(direction)
         return (weight[..., None] * taps).sum(1)
-
-
-def _mirrored(normal: Tensor, outgoing: Tensor) -> Tensor:
-    """(..., 3) unit vectors `outgoing`, mirrored about normals."""
-    return 2 * dot(normal, outgoing)[..., None] * normal - outgoing
 
 
 def _resized(level: Tensor, size: tuple[int, int]) -> Tensor:

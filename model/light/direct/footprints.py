@@ -57,7 +57,12 @@ def mirrored_turn2(footprint: Tensor) -> Tensor:
 def roughness_within(surfaces: HitSurfaces) -> Tensor:
     """(h, W) roughness of lobes as wide as all that pixels mirror, which is much where small surfaces are bent."""
     turn2 = mirrored_turn2(footprints(surfaces).flatten(0, 1)).view_as(surfaces.roughness)
-    return (surfaces.roughness ** 4 + TURNED * turn2).clamp(max=1) ** 0.25
+    return widened_by_turn(surfaces.roughness, turn2)
+
+
+def widened_by_turn(roughness: Tensor, turn2: Tensor) -> Tensor:
+    """Roughness of lobes as wide as all that pixels mirror, from `mirrored_turn2` of these; all of one shape."""
+    return (roughness ** 4 + TURNED * turn2).clamp(max=1) ** 0.25
 
 
 def points_within(footprint: Tensor) -> Tensor:

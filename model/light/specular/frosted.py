@@ -12,12 +12,12 @@ from ..hit_surfaces import HitSurfaces
 from ..vectors import dot, length
 from ..weighted_rows import weighted_rows
 from .facets import LEAST_ROUGHNESS
+from .glossy_image import FAR
 
 SPREADS = 1, 2, 4, 8, 16  # pixels between the 5x5 of each of the means that follow each other
 WIDTH = 0.3               # network units along the surface at which a pixel counts 1/e, at roughness 1
 LOBE = 0.7                # the same, over the distance at which its paths end
 PIXELS = 2.0              # at which a pixel counts 1/e at least: the mean of fewer paths is noise
-FAR = 4.0                 # network units to the sky
 CHUNK = 1 << 13           # pixels at a time
 BRIGHT = 30.0             # times what rough glass shows, at which a pixel counts half: single paths find light of lamps
 
