@@ -76,12 +76,12 @@ class HitSurfaces:
                    None if coat is None else _coat(coat, cosine, coverage, glossy),
                    None if scene.group is None or not len(scene) else scene.group[guides.hit_triangle.clip(0)])
 
-    def rows(self, rows: slice) -> HitSurfaces:
-        """Those of some rows; shared memory."""
+    def crop(self, pixels: slice | tuple[slice, slice]) -> HitSurfaces:
+        """Those of some rows, or of a rectangle of rows and columns; shared memory."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
-        of_rows = {name: value[rows] for name, value in values.items()
+        of_pixels = {name: value[pixels] for name, value in values.items()
                    if value is not None and name != "coat" and (name != "origin" or value.dim() > 1)}
-        return replace(self, **of_rows, coat=self.coat and Coat(*(value[rows] for value in self.coat)))
+        return replace(self, **of_pixels, coat=self.coat and Coat(*(value[pixels] for value in self.coat)))
 
     @property
     def coated(self) -> HitSurfaces | None:

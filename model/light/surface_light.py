@@ -10,6 +10,7 @@ from torch import Tensor
 
 from ..fields import COLOR, RADIANCE, array
 from ..tensor_group import TensorGroup
+from .hit_surfaces import HitSurfaces
 
 BEHIND = 0.6  # share of the light from all over behind glass that it shows at roughness 1
 
@@ -37,6 +38,18 @@ class SurfaceLight(TensorGroup):
     traced: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1, RADIANCE: 1})     # traced light; 0 without it
     is_traced: Tensor = array("V")                                                # 1 if light was traced, else 0
     has_rays: Tensor = array("V")  # 1 if estimates are by rays; else `direct` has no shadows, and all else is 0
+
+    @classmethod
+    def of_view(cls, surfaces: HitSurfaces, is_traced: bool, direct: list[Tensor] | None, has_rays: bool = True,
+                **pictures: Tensor) -> SurfaceLight:
+        """The light of one view: `direct` (h, W, 3) by lobe, and `pictures` (h, W, 3) of OF_RAYS; 0 where not given."""
+        dark = torch.zeros_like(surfaces.position)
+        lobes = surfaces.diffuse, surfaces.glossy, surfaces.transmission
+        albedo, direct = (torch.stack([lobe.permute(2, 0, 1) for lobe in of_lobes])[None]
+                          for of_lobes in (lobes, direct or [dark] * 3))
+        return cls(albedo, surfaces.roughness[None, None], direct,
+                   *(pictures.get(name, dark).permute(2, 0, 1)[None] for name in cls.OF_RAYS),
+                   is_traced=dark.new_full((1,), float(is_traced)), has_rays=dark.new_full((1,), float(has_rays)))
 
     def indirect(self) -> Tensor:
         """(V, 3, 3, H, W) indirect light of each lobe. Rough glass also shows light from all over behind it."""

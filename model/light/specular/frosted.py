@@ -7,7 +7,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..chunks import in_chunks
-from ..edge_stopping import neighbour_weights, plane_tolerance, to_planes
+from ..edge_stopping import SIDE, neighbour_weights, plane_tolerance, to_planes
 from ..hit_surfaces import HitSurfaces
 from ..vectors import dot, length
 from ..weighted_rows import weighted_rows
@@ -30,10 +30,25 @@ def frosted(light: Tensor, surfaces: HitSurfaces, end: Tensor, is_end: Tensor) -
     square of the roughness, as the lobe does. Only pixels of the same surface count (the edge-avoiding wavelets of
     `neighbour_weights`).
     """
-    is_glass = surfaces.is_glass[..., 0]
-    is_rough = is_glass & (surfaces.roughness > LEAST_ROUGHNESS)
+    is_rough = _is_rough(surfaces)
     if not is_rough.any():
         return light
+    reach = SPREADS[-1] * (SIDE // 2)
+    sides = (is_rough.any(axis).nonzero() for axis in (1, 0))
+    box = tuple(slice(max(int(side[0]) - reach, 0), int(side[-1]) + reach + 1) for side in sides)
+    light = light.clone()
+    light[box] = _frosted(light[box], surfaces.crop(box), end[box], is_end[box])
+    return light
+
+
+def _is_rough(surfaces: HitSurfaces) -> Tensor:
+    """(h, W) bool: pixels of rough glass."""
+    return surfaces.is_glass[..., 0] & (surfaces.roughness > LEAST_ROUGHNESS)
+
+
+def _frosted(light: Tensor, surfaces: HitSurfaces, end: Tensor, is_end: Tensor) -> Tensor:
+    """The same, of surfaces some of which are rough glass."""
+    is_glass, is_rough = surfaces.is_glass[..., 0], _is_rough(surfaces)
     x, n = map(to_planes, (surfaces.position, surfaces.normal))
     lobe = surfaces.roughness.clamp_min(LEAST_ROUGHNESS).square()
     tolerance, close = plane_tolerance(x, is_glass), WIDTH * lobe
