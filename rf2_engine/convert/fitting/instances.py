@@ -2,7 +2,7 @@
 """Choose the instances that get tokens, where not even their coarsest shapes all fit into Max Triangles.
 
 Rays meet all instances of a part that keeps one. So each part keeps one if that is possible, and what shines takes
-half of the room at most.
+half of the room at most. Parts without room are joined (joining.py).
 """
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ from ..data.copied import Instance
 from ..data.report import SOME, Report
 from ..meshes.reduce import COARSEST
 from ..meshes.sampling import keep_sample
+from .joining import join_parts
 
 DETAIL = 0.6     # of the budget at most goes to the coarsest shapes of many instances
 SHINING = 0.5    # of that goes to those that shine, at most
 LEAST = 0.125    # ... at least
+JOINED = 0.25    # of that goes to parts that are joined, if any are
 
 
 def drop_instances(parts: list[Part], shares_of_picture: list[np.ndarray], targets, budget: int, report: Report):
@@ -31,10 +33,13 @@ def drop_instances(parts: list[Part], shares_of_picture: list[np.ndarray], targe
     if sum(_least(part) * copies_of(part) for part in parts) <= budget:
         return parts, shares_of_picture, targets
     parts, shares_of_picture, targets = _merge_alike(parts, shares_of_picture, targets)
-    begins = np.cumsum(list(map(copies_of, parts)))[:-1]
-    keeps, growths = (np.split(values, begins) for values in _choose(parts, shares_of_picture, budget))
+    keeps, growths = _choose(parts, shares_of_picture, budget)
+    room = int(JOINED * budget)
+    if any(map(_is_left_out, parts, keeps)):
+        keeps, growths = _choose(parts, shares_of_picture, budget - room)
     crowd = _crowd(parts, keeps)
-    remaining = []
+    left_out = [i for i in range(len(parts)) if _is_left_out(parts[i], keeps[i])]
+    remaining = _joined([parts[i] for i in left_out], sum(shares_of_picture[i].sum() for i in left_out), room)
     for part, share, target, keep, growth in zip(parts, shares_of_picture, targets, keeps, growths, strict=True):
         if not keep.all() or (growth > 1).any():
             keep = _drop(part, share, keep, growth, crowd, report)
@@ -43,8 +48,24 @@ def drop_instances(parts: list[Part], shares_of_picture: list[np.ndarray], targe
     return [list(column) for column in zip(*remaining)]
 
 
-def _choose(parts: list[Part], shares_of_picture: list[np.ndarray], budget: int) -> tuple[np.ndarray, np.ndarray]:
-    """(m,) bool: the instances of all parts whose coarsest shapes fit, and (m,) how much larger they are.
+def _is_left_out(part: Part, keep: np.ndarray) -> bool:
+    """Whether a part that does not shine keeps none of its instances."""
+    return not part.emits and not keep.any()
+
+
+def _joined(parts: list[Part], share: float, room: int) -> list[tuple[Part, np.ndarray, int]]:
+    """Parts that stand for all of these, in `room` triangles, with their shares of the picture and targets.
+
+    share: of all of them, which goes by area.
+    """
+    joined = join_parts(parts, room // COARSEST)
+    area = sum(part.mesh.area for part in joined) + 1e-30
+    return [(part, np.array([share * part.mesh.area / area + 1e-12]), len(part.mesh)) for part in joined]
+
+
+def _choose(parts: list[Part], shares_of_picture: list[np.ndarray],
+            budget: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """For each part (m,) bool, its instances whose coarsest shapes fit, and (m,) how much larger they are.
 
     Of those that shine a sample is kept, of others the most visible, but one of each part before any second one.
     """
@@ -59,7 +80,7 @@ def _choose(parts: list[Part], shares_of_picture: list[np.ndarray], budget: int)
     order = np.lexsort((-np.concatenate(shares_of_picture), ~first, ~shines))
     order = order[fits[order]]
     fits[order] = np.cumsum(cost[order]) <= budget
-    return fits, growth
+    return tuple(np.split(values, np.cumsum(copies)[:-1]) for values in (fits, growth))
 
 
 def _merge_alike(parts: list[Part], shares_of_picture: list[np.ndarray], targets):
@@ -132,6 +153,8 @@ def _drop(part: Part, share: np.ndarray, keep: np.ndarray, growth: np.ndarray, c
         report.approximated(part.name, f"{room}: the network gets a sample, enlarged to cover the same area")
     elif keep.any():
         report.approximated(part.name, f"{room}: the network gets the others alone")
+    elif not part.emits:
+        report.approximated(part.name, f"{room}: the network gets a sample of this and others; raise it")
     else:
         others = f", or let fewer instances of {crowd} shine, which take up to half of it" if crowd else ""
         report.unplaced(part.name, f"{room}: raise it{others}")

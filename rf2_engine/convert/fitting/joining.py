@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Join parts for which Max Triangles has no room: the tokens of a few joined ones stand for all, and rays meet all."""
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..data.collected import Part
+from ..data.copied import Instance
+from ..data.mesh import TriangleMesh, transform
+
+Piece = tuple[Part, Instance]
+
+
+def join_parts(parts: list[Part], most: int) -> list[Part]:
+    """At most `most` parts of one instance, in the frame of the world, with the surfaces of parts that do not shine.
+
+    Those with the same materials become one, but where there are more of such than `most`, the smallest are one of
+    several materials. What rays, cameras or lights tell apart is not joined, and is missing if it exceeds `most`.
+    Object and Generated coordinates are those of the world.
+    """
+    kinds: dict[tuple, dict[tuple, list[Piece]]] = {}
+    for part in parts:
+        for instance in part.instances:
+            by_materials = kinds.setdefault(_kind(part, instance), {})
+            by_materials.setdefault(tuple(map(id, part.materials)), []).append((part, instance))
+    groups = sorted((pieces for by_materials in kinds.values() for pieces in by_materials.values()), key=_area)
+    while len(groups) > most:
+        smallest = groups.pop(0)
+        alike = next((pieces for pieces in groups if _kind(*pieces[0]) == _kind(*smallest[0])), None)
+        if alike is not None:
+            alike += smallest
+            groups.sort(key=_area)
+    return list(map(_joined, groups))
+
+
+def _kind(part: Part, instance: Instance) -> tuple:
+    return part.is_shown, part.hidden, part.blockers, instance.group, instance.is_holdout
+
+
+def _area(pieces: list[Piece]) -> float:
+    return sum(part.mesh.area * abs(np.linalg.det(instance.matrix[:3, :3])) ** (2 / 3) for part, instance in pieces)
+
+
+def _joined(pieces: list[Piece]) -> Part:
+    """One part of several instances of others."""
+    first, instance = pieces[0]
+    materials = list({id(material): material for part, _ in pieces for material in part.materials}.values())
+    real = None
+    if any(part.real is not None for part, _ in pieces):
+        real = _joined_mesh(pieces, materials, is_real=True)
+    name = first.name if len(pieces) == 1 else f"{first.name} and {len(pieces) - 1} more"
+    return replace(first, name=name, mesh=_joined_mesh(pieces, materials), materials=materials, real=real,
+                   is_textured=any(part.is_textured for part, _ in pieces),
+                   instances=[replace(instance, matrix=np.eye(4), name=name, real_matrices=())])
+
+
+def _joined_mesh(pieces: list[Piece], materials: list, is_real: bool = False) -> TriangleMesh:
+    """The meshes of instances, or what rays meet of them, as one in the frame of the world."""
+    meshes = [part.real if is_real and part.real is not None else part.mesh for part, _ in pieces]
+    corners, normals = map(np.concatenate, zip(*(
+        transform(mesh, instance.matrix) for mesh, (_, instance) in zip(meshes, pieces, strict=True)), strict=True))
+    row = {id(material): i for i, material in enumerate(materials)}
+    slots = [np.array([row[id(material)] for material in part.materials], np.int32)[mesh.slot]
+             for mesh, (part, _) in zip(meshes, pieces, strict=True)]
+    low, high = corners.min((0, 1)), corners.max((0, 1))
+    return replace(meshes[0], corners=corners, normals=normals, slot=np.concatenate(slots),
+                   uv=_joined_layers([mesh.uv for mesh in meshes], meshes),
+                   attributes=_joined_layers([mesh.attributes for mesh in meshes], meshes),
+                   texture_space=np.stack([(low + high) / 2, (high - low) / 2]))
+
+
+def _joined_layers(layers: list[dict[str, np.ndarray]], meshes: list[TriangleMesh]) -> dict[str, np.ndarray]:
+    """By name, what varies per corner, as wide as the widest; 0 for a mesh without it."""
+    widths: dict[str, int] = {}
+    for of_mesh in layers:
+        for name, values in of_mesh.items():
+            widths[name] = max(widths.get(name, 0), values.shape[2])
+    joined = {name: np.zeros((sum(map(len, meshes)), 3, width), np.float32) for name, width in widths.items()}
+    begin = 0
+    for of_mesh, mesh in zip(layers, meshes, strict=True):
+        for name, values in of_mesh.items():
+            joined[name][begin:begin + len(mesh), :, :values.shape[2]] = values
+        begin += len(mesh)
+    return joined
