@@ -22,7 +22,7 @@ from ..direct.direct_light import DirectLight
 from ..direct.emitter_shadows import END_GAP
 from ..sampling import R2, triangle_weights
 from ..specular.glass import CLEAR, lost
-from ..specular.paths import LIFT
+from ..specular.path_lobes import LIFT
 
 SURFACES = 8      # of glass that a photon passes at most
 UNIFORM = 0.1     # share of all photons that is distributed by area alone

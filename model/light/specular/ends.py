@@ -22,9 +22,10 @@ from ...shading import bent_to_reflect, side_normals, surface
 from ...surface_kinds import ALL, BENDING, SEEN, STRAIGHT_THROUGH, Kind, Ray
 from .end_albedo import mean_albedo
 from .facets import pixel_starts, rough_facets
+from .follow_paths import follow_paths
 from .glass import Cast, lost, mirrored_by_plates
 from .path_lobes import LIFT, Lobe
-from .paths import BLURRED, Media, PathEnds, Sheets, follow_paths
+from .paths import BLURRED, Media, PathEnds, Sheets
 
 PATHS = 1 << 18  # of a lobe, at most
 CHUNK = 1 << 14  # paths that are followed at a time

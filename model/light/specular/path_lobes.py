@@ -42,11 +42,19 @@ class Lobe:
 class MetSurfaces(NamedTuple):
     """Surfaces that P paths meet."""
 
+    triangle: np.ndarray   # (P,) i32, of the geometry
     point: np.ndarray      # (P, 3)
-    normal: np.ndarray     # (P, 3) unit, facing the paths
-    texel: np.ndarray      # (P, C) of their materials
     direction: np.ndarray  # (P, 3) unit, of the paths
     tint: np.ndarray       # (P, 3) share of what the paths show that is seen
+    normal: np.ndarray     # (P, 3) unit, facing the paths
+    inside: np.ndarray     # (P,) bool, met from behind
+    texel: np.ndarray      # (P, C) of their materials
+
+    @classmethod
+    def at(cls, scene: RenderScene, triangle: np.ndarray, point: np.ndarray, direction: np.ndarray,
+           tint: np.ndarray) -> MetSurfaces:
+        """Arguments as the fields."""
+        return cls(triangle, point, direction, tint, *surface(scene, triangle, point, direction))
 
     def among(self, chosen: np.ndarray) -> MetSurfaces:
         return MetSurfaces(*(values[chosen] for values in self))
@@ -93,9 +101,9 @@ def inner_lobe(scene: RenderScene, cast: Cast, met: MetSurfaces, reach: np.ndarr
     origin = met.point + LIFT * reach[:, None] * direction
     triangle, distance = cast(origin, direction)[:2]
     point = origin + np.where(triangle < 0, 0, distance)[:, None] * direction
-    normal, inside, texel = surface(scene, triangle, point, direction)
-    tint = met.tint * (mirrors + (1 - mirrors) * inner) * tint_of_surface(texel, inside)
-    lobe = exit_lobe(MetSurfaces(point, normal, texel, direction, tint), inside & (triangle >= 0), tint, least=-1)
+    back = MetSurfaces.at(scene, triangle, point, direction, met.tint * (mirrors + (1 - mirrors) * inner))
+    tint = back.tint * tint_of_surface(back.texel, back.inside)
+    lobe = exit_lobe(back, back.inside & (triangle >= 0), tint, least=-1)
     roughness = (lobe.roughness ** 4 + first[:, ROUGHNESS, None] ** 4) ** 0.25
     lobe.roughness = roughness.clip(LEAST_BLUR, 1).astype(np.float32)
     return lobe

@@ -7,8 +7,9 @@ import pytest
 
 from renderformer_v2.model.geometry import reflected, refracted
 from renderformer_v2.model.light.specular.facets import pixel_starts
+from renderformer_v2.model.light.specular.follow_paths import follow_paths
 from renderformer_v2.model.light.specular.glass import mirrored_by_plates
-from renderformer_v2.model.light.specular.paths import SURFACES, PathEnds, follow_paths
+from renderformer_v2.model.light.specular.paths import SURFACES, PathEnds
 from renderformer_v2.model.material.reflectance import fresnel
 from renderformer_v2.model.scene import EMISSION_SIZE, RenderScene, constant_tile
 
@@ -58,18 +59,23 @@ def ends(scene: RenderScene, direction=(1.0, 0.0, 0.0), error=0.0):
     return follow_paths(scene, cast, np.zeros((1, 3)), ray / np.linalg.norm(ray), eye=np.float32((-5, 0, 0)))
 
 
+def shown(found: PathEnds) -> np.ndarray:
+    """(P, 3) what paths show of light that a white diffuse surface sends on."""
+    return found.share * found.albedo
+
+
 def test_a_path_ends_at_the_first_matte_surface():
     found = ends(walls((2, -1, constant_tile(RED)), (-1, 1, constant_tile())))
     np.testing.assert_allclose(found.position, [(2, 0, 0)], atol=1e-5)
     np.testing.assert_allclose(found.normal, [(-1, 0, 0)], atol=1e-5)
-    np.testing.assert_allclose(found.color, [RED], atol=1e-3)
+    np.testing.assert_allclose(shown(found), [RED], atol=1e-3)
 
 
 def test_a_mirror_sends_a_path_on_and_colours_it():
     mirror = constant_tile(GOLD, metallic=1.0, roughness=0.1)
     found = ends(walls((2, -1, mirror), (-1, 1, constant_tile(RED))), (1, 0.5, 0))
     np.testing.assert_allclose(found.position, [(-1, 2.5, 0)], atol=1e-2)
-    np.testing.assert_allclose(found.color, [np.multiply(GOLD, RED)], atol=2e-3)
+    np.testing.assert_allclose(shown(found), [np.multiply(GOLD, RED)], atol=2e-3)
 
 
 def pictured(scene: RenderScene) -> RenderScene:
@@ -91,19 +97,19 @@ def test_a_path_shows_what_glows_where_it_ends_and_where_it_is_mirrored():
     scene.glow = np.float32([(0.1, 0.1, 0.1)] * 2 + [(0.2, 0.2, 0.2)] * 2)
     found = ends(scene, (1, 0.5, 0))
     np.testing.assert_allclose(found.light, 0.1 + np.multiply([(0.2, 0, 0)], GOLD), atol=2e-3)
-    np.testing.assert_allclose(found.color, [np.multiply(GOLD, RED)], atol=2e-3)
+    np.testing.assert_allclose(shown(found), [np.multiply(GOLD, RED)], atol=2e-3)
 
 
 def test_a_rough_metal_ends_a_path_with_its_lobe():
     rough, polished = (constant_tile(GOLD, metallic=1.0, roughness=roughness) for roughness in (0.8, 0.1))
     found = ends(walls((2, -1, rough)))
-    assert not found.color.any() and not found.gloss.color.any()
+    assert not shown(found).any() and not found.gloss.color.any()
     np.testing.assert_allclose(found.lobe.color, [GOLD], atol=1e-3)
     found = ends(walls((2, -1, polished), (-1, 1, rough)), (1, 0.5, 0))
-    assert not found.color.any()
+    assert not shown(found).any()
     np.testing.assert_allclose(found.gloss.color, [np.square(GOLD)], atol=2e-3)
     found = ends(walls((2, -1, polished), (-1, 1, polished), (3, -1, constant_tile()), (-2, 1, rough)), (1, 0.5, 0))
-    assert found.color.any()  # where a lobe was met before, rough metal is matte
+    assert shown(found).any()  # where a lobe was met before, rough metal is matte
 
 
 @pytest.mark.parametrize(("tile", "color", "f0"), [
@@ -130,15 +136,15 @@ def test_a_pane_shifts_a_path_by_its_thickness(slope, ior):
     height = 3 * slope + inside / np.sqrt(1 - inside**2)  # one unit of glass among four
     np.testing.assert_allclose(found.position, [(4, height, 0)], atol=2e-3)
     mirrored = fresnel(np.array([1 / np.sqrt(1 + slope**2)]), np.array([ior]))
-    np.testing.assert_allclose(found.color, np.divide(RED, 1 + mirrored)[None], atol=1e-3)
+    np.testing.assert_allclose(shown(found), np.divide(RED, 1 + mirrored)[None], atol=1e-3)
 
 
 def test_each_surface_of_glass_tints_by_the_root_of_its_colour_as_cycles_principled_bsdf_does():
     glass = constant_tile((0.81, 0.25, 0.04), roughness=0.0, ior=1.5, transmission=1.0)
     white = constant_tile((1, 1, 1))
     once, twice = (ends(walls(*[(x, -1, glass) for x in panes], (4, -1, white))) for panes in ((1,), (1, 2)))
-    np.testing.assert_allclose(once.color, [(0.9, 0.5, 0.2)], atol=1e-3)
-    np.testing.assert_allclose(twice.color, [(0.81, 0.25, 0.04)], atol=1e-3)
+    np.testing.assert_allclose(shown(once), [(0.9, 0.5, 0.2)], atol=1e-3)
+    np.testing.assert_allclose(shown(twice), [(0.81, 0.25, 0.04)], atol=1e-3)
 
 
 def test_a_path_ends_at_milky_glass_and_not_at_clear_glass():
@@ -146,13 +152,13 @@ def test_a_path_ends_at_milky_glass_and_not_at_clear_glass():
         glass = constant_tile((1, 1, 1), roughness=0.0, ior=1.2, transmission=transmission)
         found = ends(walls((1, -1, glass), (4, -1, constant_tile((1, 1, 1)))))
         np.testing.assert_allclose(found.position, [(end, 0, 0)], atol=1e-5)
-        np.testing.assert_allclose(found.color, [(color,) * 3], atol=1e-2)  # its layer reflects a hundredth
+        np.testing.assert_allclose(shown(found), [(color,) * 3], atol=1e-2)  # its layer reflects a hundredth
 
 
 def test_a_layer_takes_what_it_reflects_from_the_matte_surface_below_it():
     for slope, layer in (0.0, 0.04), (2.0, 0.1):
         found = ends(walls((1, -1, constant_tile((1, 1, 1), roughness=0.1, ior=1.3291))), direction=(1, slope, 0))
-        np.testing.assert_allclose(found.color, 1 - layer, atol=0.02)
+        np.testing.assert_allclose(shown(found), 1 - layer, atol=0.02)
 
 
 def test_a_path_leaves_glass_that_is_partly_matte_from_inside():
@@ -160,15 +166,15 @@ def test_a_path_leaves_glass_that_is_partly_matte_from_inside():
         back = constant_tile((1, 1, 1), roughness=0.0, ior=1.2, transmission=transmission)
         found = ends(walls((1, 1, back), (4, -1, constant_tile((1, 1, 1)))))
         np.testing.assert_allclose(found.position, [(4 if color else 1, 0, 0)], atol=1e-5)
-        np.testing.assert_allclose(found.color, [(color or 1 - transmission,) * 3], atol=0.02)  # likewise
+        np.testing.assert_allclose(shown(found), [(color or 1 - transmission,) * 3], atol=0.02)  # likewise
 
 
 def test_glass_that_is_partly_metal_lets_less_through_and_mirrors_some_of_that_once_more_inside():
     part = constant_tile((0.25, 1, 1), roughness=0.0, ior=1.5, transmission=1.0, metallic=0.4)
     white = constant_tile((1, 1, 1))
     entered, left = (ends(walls((1, side, part), (4, -1, white))) for side in (-1, 1))
-    np.testing.assert_allclose(entered.color, [(0.3, 0.6, 0.6)], atol=1e-3)
-    np.testing.assert_allclose(left.color, [(0.35, 1, 1)], atol=1e-3)
+    np.testing.assert_allclose(shown(entered), [(0.3, 0.6, 0.6)], atol=1e-3)
+    np.testing.assert_allclose(shown(left), [(0.35, 1, 1)], atol=1e-3)
 
 
 def test_paths_end_in_the_light_of_lamps_and_of_the_sky_in_the_colour_of_the_glass_before_these():
@@ -178,7 +184,7 @@ def test_paths_end_in_the_light_of_lamps_and_of_the_sky_in_the_colour_of_the_gla
     open_, lit = walls(pane), walls(pane, (2, -1, constant_tile(RED)), shines=True)
     for scene, light in (open_, 0), (replace(open_, environment=sky), sky[1, 3]), (lit, 1):
         found = ends(scene)
-        assert not found.color.any()
+        assert not shown(found).any()
         np.testing.assert_allclose(found.light, np.multiply((0.5, 1, 1), light)[None], atol=1e-3)
 
 
@@ -191,7 +197,7 @@ def test_a_spot_shows_nothing_of_its_beam_beside_it():
 def test_two_mirrors_end_after_a_while_as_if_the_last_were_matte():
     mirror = constant_tile(GOLD, metallic=1.0, roughness=0.0)
     found = ends(walls((1, -1, mirror), (-1, 1, mirror)))
-    np.testing.assert_allclose(found.color, [np.power(GOLD, SURFACES)], atol=2e-3)
+    np.testing.assert_allclose(shown(found), [np.power(GOLD, SURFACES)], atol=2e-3)
     np.testing.assert_allclose(found.position, [(-1, 0, 0)], atol=1e-2)
     assert not found.light.any()
 
@@ -215,15 +221,15 @@ def test_plates_mirror_at_both_sides_and_what_is_no_plate_at_one():
 def test_what_never_leaves_glass_is_lost_after_a_while():
     glass = constant_tile((1, 1, 1), roughness=0.0, ior=1.5, transmission=1.0)
     found = ends(walls((1, 1, glass), (-1, -1, glass)), (0.5, 0.8, 0))
-    assert not found.color.any() and not found.light.any()
+    assert not shown(found).any() and not found.light.any()
 
 
 def test_light_that_normals_send_out_of_glass_and_facets_do_not_is_lost_as_in_cycles():
     glass = constant_tile((1, 1, 1), roughness=0.0, ior=1.5, transmission=1.0)
     scene, grazing = walls((2, 1, glass), (-1, 1, constant_tile(RED))), (0.1045, 0.9945, 0)
-    np.testing.assert_allclose(ends(scene, grazing).color, [RED], atol=2e-3)  # mirrored
+    np.testing.assert_allclose(shown(ends(scene, grazing)), [RED], atol=2e-3)  # mirrored
     scene.normals[:2] = 0.5 ** 0.5, 0.5 ** 0.5, 0
-    assert not ends(scene, grazing).color.any()
+    assert not shown(ends(scene, grazing)).any()
 
 
 def test_light_that_cannot_leave_glass_is_mirrored():
@@ -239,7 +245,7 @@ def test_light_that_cannot_leave_glass_is_mirrored():
 def test_a_path_is_not_held_by_a_surface_that_it_meets_where_it_starts():
     glass = constant_tile((1, 1, 1), roughness=0.0, ior=1.5, transmission=1.0)
     found = ends(walls((1e-5, -1, glass), (1, 1, glass), (4, -1, constant_tile(RED))), error=1e-5)
-    np.testing.assert_allclose(found.color, [RED], atol=1e-3)
+    np.testing.assert_allclose(shown(found), [RED], atol=1e-3)
 
 
 def test_a_path_ends_at_what_glass_stands_on_whichever_of_both_a_ray_happens_to_meet():
@@ -253,8 +259,8 @@ def test_a_path_ends_at_what_glass_stands_on_whichever_of_both_a_ray_happens_to_
         triangle, distance = beyond(origins, rays)
         return np.where(triangle >= 0, triangle + 4, -1), distance
     without, found = (follow_paths(scene, cast, start, ray, np.float32((-5, 0, 0)), each) for each in (None, of_solid))
-    np.testing.assert_allclose(without.color, [np.divide(GOLD, 1.04)], atol=1e-3)  # as a plate mirrors twice
-    np.testing.assert_allclose(found.color, [np.divide(RED, 1.04)], atol=1e-3)
+    np.testing.assert_allclose(shown(without), [np.divide(GOLD, 1.04)], atol=1e-3)  # as a plate mirrors twice
+    np.testing.assert_allclose(shown(found), [np.divide(RED, 1.04)], atol=1e-3)
 
 
 @pytest.mark.parametrize("gap, color", [(0.0, (0, 0, 0)), (1e-3, np.divide(RED, 1.04))])
@@ -266,7 +272,7 @@ def test_what_lies_in_one_plane_with_glass_is_black_behind_it_as_in_cycles(gap, 
     start, ray = np.zeros((1, 3)), np.float64([(1, 0, 0)])
     begins = along_x(scene), start, ray, np.float32((-5, 0, 0)), along_x(wall)
     found = follow_paths(scene, *begins, start=pixel_starts(*np.zeros((2, 1))), glass=along_x(panes))
-    np.testing.assert_allclose(found.color, [color], atol=1e-3)
+    np.testing.assert_allclose(shown(found), [color], atol=1e-3)
 
 
 def test_lamps_in_a_mirror_that_a_mirror_or_glass_shows_are_left_to_its_highlights():
@@ -345,8 +351,8 @@ def test_the_beam_of_a_lamp_is_seen_from_where_it_shines():
 def test_a_path_passes_the_back_of_a_lamp():
     scene = walls((3, -1, constant_tile(RED)), (2, -1, constant_tile()), shines=True)
     scene.beam_axis[2:], scene.seen = (1, 0, 0), np.array([True, True, False, False])
-    np.testing.assert_allclose(ends(scene).color, [RED], atol=1e-3)
-    assert not ends(replace(scene, seen=None)).color.any()  # a surface that shines to one side
+    np.testing.assert_allclose(shown(ends(scene)), [RED], atol=1e-3)
+    assert not shown(ends(replace(scene, seen=None))).any()  # a surface that shines to one side
 
 
 def test_what_is_seen_through_a_medium_is_dimmed_by_the_length_of_every_segment():
@@ -354,4 +360,4 @@ def test_what_is_seen_through_a_medium_is_dimmed_by_the_length_of_every_segment(
     scene, start, ray = walls((2, -1, mirror), (-1, 1, constant_tile())), np.zeros((1, 3)), np.float64([(1, 0, 0)])
     clear, dimmed = (follow_paths(scene, along_x(scene), start, ray, np.float32((-5, 0, 0)), media=each) for each in (
         None, lambda begin, direction, distance: np.exp(-distance[:, None] * np.float32((0.1, 0.2, 0.3)))))
-    np.testing.assert_allclose(dimmed.color / clear.color, [np.exp(-5 * np.float32((0.1, 0.2, 0.3)))], rtol=1e-3)
+    np.testing.assert_allclose(shown(dimmed) / shown(clear), [np.exp(-5 * np.float32((0.1, 0.2, 0.3)))], rtol=1e-3)
