@@ -44,7 +44,7 @@ INTO, OUT, THROUGH = np.float32([
      [0.970, 0.986, 0.967, 0.928, 0.881, 0.787, 0.654, 0.571, 0.488]]])
 # Measured there too: how optical depth grows with 1 minus the cosine, up to the first and by the second number; what
 # of it is left straight on, the less the clearer glass is.
-GRAZING, STRAIGHT = (0.58, 1.77), 0.5
+SLANTING, STRAIGHT = (0.58, 1.77), 0.5
 MIRRORED = 0.26       # of the light that does not pass a pane, what it sends back, measured in a room with a window
 WITHIN = 0.63         # the same of a surface that light meets from within, such as that of water, in a basin
 GREY = 0.01           # difference between colours of a tint up to which it is grey
@@ -129,8 +129,8 @@ def token_transmittances(scene: RenderScene) -> np.ndarray:
 def transmittance_at(cosine: Tensor, mean: Tensor) -> Tensor:
     """(M,) share of light that passes glass at cosines (M,) to its normal, by that of light from everywhere (M,)."""
     depth = -mean.log()
-    slant = ((1 - cosine) / GRAZING[0]).clamp(max=1)
-    return (-depth * torch.lerp(depth / (depth + STRAIGHT), torch.full_like(depth, GRAZING[1]), slant)).exp()
+    slant = ((1 - cosine) / SLANTING[0]).clamp(max=1)
+    return (-depth * torch.lerp(depth / (depth + STRAIGHT), torch.full_like(depth, SLANTING[1]), slant)).exp()
 
 
 def _interpolated(table: np.ndarray, ior: np.ndarray, roughness: np.ndarray) -> np.ndarray:

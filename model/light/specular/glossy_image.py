@@ -25,7 +25,7 @@ SMOOTH = 0.03             # roughness up to which an image stays as it is
 WIDTH = 2.0               # alpha of a lobe -> tangent at which a path counts 1/e in each of the means
 OUTSIDE = 4.0             # squares of that tangent, from which on a path counts next to nothing
 INSIDE = 0.01             # the same, up to which the paths around are one
-GRAZING = 0.1             # least cosine
+LEAST_COSINE = 0.1        # of a mirrored direction to the normal, beyond which a lobe becomes no wider
 FAR = 4.0                 # network units to the sky
 CHUNK = 1 << 13           # pixels at a time
 
@@ -72,7 +72,7 @@ class _Lobes:
         across = unit(cross(n, along, 0), 0)
         width = WIDTH * surfaces.roughness.clamp_min(SMOOTH).square()
         in_plane = cross(along, across, 0) / width
-        across = across / (width * cosine.clamp_min(GRAZING))
+        across = across / (width * cosine.clamp_min(LEAST_COSINE))
         upward = n / plane_tolerance(x, surfaces.is_covered[..., 0])
         return cls(torch.cat([x, n, x + distance * along, size[None]]).flatten(1),
                    torch.cat([in_plane, across, along, upward]).flatten(1), width.flatten().square())
