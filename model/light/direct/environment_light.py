@@ -68,8 +68,7 @@ class EnvironmentLight:
                 continue
             kernel = _lobe(cosines, roughness) * weight
             levels.append((torch.einsum("rs,scd->drc", kernel, turned) / kernel.sum(1, keepdim=True))[None])
-        stack = torch.stack([_resized(level, size)[0] for level in levels], 1)[None]  # 1, 3, level, row, column
-        self.levels = torch.cat([stack[..., -1:], stack, stack[..., :1]], -1)         # wrap around
+        self.levels = torch.stack([_wrapped(level, size) for level in levels], 2)  # 1, 3, level, row, column
 
     def irradiance(self, normal: Tensor) -> Tensor:
         """(P, 3) irradiance on a surface with this normal, W/m^2."""
@@ -140,12 +139,12 @@ class EnvironmentLight:
         return (weight[..., None] * taps).sum(1)
 
 
-def _resized(level: Tensor, size: tuple[int, int]) -> Tensor:
-    """A map (1, 3, h, w) that wraps around, with so many rows and columns."""
+def _wrapped(level: Tensor, size: tuple[int, int]) -> Tensor:
+    """A map (1, 3, h, w), with so many rows and columns, and at either side the column of the other one."""
     wide = F.pad(level, (1, 1, 0, 0), mode="circular")
     step = size[1] // level.shape[-1]
     larger = F.interpolate(wide, (size[0], size[1] + 2 * step), mode="bilinear", align_corners=False)
-    return larger[..., step:size[1] + step]
+    return larger[..., step - 1:size[1] + step + 1]
 
 
 def _level(roughness: Tensor) -> Tensor:
