@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry import dot, unit
+from ..material.reflectance import widened
 
 LEAST = 1e-4  # variance of normals that widens no lobe
 EVEN = 0.3    # largest slope of the way to the next pixel, from the surface, where that goes on
@@ -35,9 +36,9 @@ def normal_variance(mean: np.ndarray, samples: np.ndarray | None, position: np.n
     return variance if variance.any() else None
 
 
-def widened(roughness: np.ndarray, variance: np.ndarray | None) -> np.ndarray:
+def with_bumps(roughness: np.ndarray, variance: np.ndarray | None) -> np.ndarray:
     """(H, W) roughness of lobes as wide as those of all bumps of a pixel together."""
-    return roughness if variance is None else ((roughness ** 4 + variance) ** 0.25).clip(max=1)
+    return roughness if variance is None else widened(roughness, variance).clip(max=1)
 
 
 def _steps_around(x: np.ndarray, pixel: np.ndarray, of=lambda x: x) -> np.ndarray:

@@ -60,7 +60,7 @@ def roughness_below(roughness: np.ndarray, coat: np.ndarray) -> np.ndarray:
 
 def least_hit_roughness(scene: RenderScene, guides: Guides) -> np.ndarray:
     """(H, W) f32 roughness of the lobe of the smoother one of a coat and what is below it."""
-    roughness = bumps.widened(hit_roughness_below(scene, guides), guides.normal_variance)
+    roughness = bumps.with_bumps(hit_roughness_below(scene, guides), guides.normal_variance)
     if scene.coat is None:
         return roughness
     weight, _, of_coat, _ = np.moveaxis(hit_values(scene, guides, scene.coat), -1, 0)

@@ -68,7 +68,7 @@ class HitSurfaces:
         translucent, sheen, coat = (None if values is None else to_tensor(hit_values(scene, guides, values))
                                     for values in (scene.translucent, scene.sheen, scene.coat))
         return cls(origin, rays, to_tensor(guides.position), normal, coverage,
-                   diffuse, glossy, transmission, to_tensor(bumps.widened(below, guides.normal_variance)), f0,
+                   diffuse, glossy, transmission, to_tensor(bumps.with_bumps(below, guides.normal_variance)), f0,
                    diffuse.mean(-1) / glossy.mean(-1).clamp_min(1e-6),
                    None if guides.straight is None else torch.from_numpy(guides.straight).to(device)[..., None],
                    translucent,

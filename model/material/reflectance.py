@@ -32,6 +32,12 @@ def blurred(roughness: np.ndarray) -> np.ndarray:
     return np.maximum(roughness, BLURRED ** 0.5)
 
 
+def widened(roughness, alpha2):
+    """Perceptual roughness of a lobe as wide as two together, of this roughness and this squared GGX alpha, which add
+    up; arrays or tensors, more than 1 where both are wide."""
+    return (roughness ** 4 + alpha2) ** 0.25
+
+
 def fresnel(cosine: np.ndarray, ior: np.ndarray) -> np.ndarray:
     """(N,) share of unpolarised light that a dielectric reflects at cosines (N,); ior: far side over near side."""
     cosine = cosine.clip(0, 1)

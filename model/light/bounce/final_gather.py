@@ -22,10 +22,10 @@ from ..weighted_rows import weighted_rows
 from .bright_patches import BrightPatches
 from .guide import Guide
 from .matte_rays import MatteRays
-from .panes import BehindGlass, Panes
+from .panes import Panes
 from .patch_lobes import PatchLobes
 from .patches import Patches
-from .polished import PolishedMetal
+from .polished import Mirrored, PolishedMetal
 
 TOUCHING = 1e-3  # network units from a point to the plane of its own face, at most
 ALIKE = 0.5      # cosine between normals of a face and for shading, at least
@@ -134,6 +134,38 @@ class Gathered:
         return environment.visible_share(self.direction, self.sky, self.weight if weight is None else weight)
 
 
+@dataclass
+class GatherRays:
+    """N = P (R + A) rays of P points on their way to patches."""
+
+    origin: Tensor     # (N, 3)
+    direction: Tensor  # (N, 3) unit
+    distance: Tensor   # (N,) of what they hit, infinite where that is the sky
+    piece: Tensor      # (N,) i64, of the triangles of patches, that which they hit at last
+    facing: Tensor     # (N, 3) unit normal of its front
+    cosine: Tensor     # (N,) between that and the ray
+    side: Tensor       # (N,) as of Gathered
+    along: Tensor      # (N, 3) unit, in which they meet that side
+    tint: Tensor       # (N, 1) or (N, 3) share of the radiance from there that arrives
+    sees_sky: Tensor   # (N,) bool, through no glass, and in no mirror
+    mirrored: Mirrored | None  # where they meet polished metal
+    skies: tuple[Tensor, Tensor] | None = None  # as of Gathered
+    highlights: tuple[Tensor, Tensor] | None = None
+
+    def in_reach(self) -> Tensor:
+        """(N, 3) their ends, within the reach of fog."""
+        return self.origin + self.distance.clamp(max=FOG_REACH)[:, None] * self.direction
+
+    def pass_polished(self) -> None:
+        """Let rays see what is behind polished metal, which mirrors it, with sky and lamps there."""
+        row, self.tint = self.mirrored.row, self.tint.repeat(1, 3 // self.tint.shape[1])
+        sky = row, self.mirrored.sky * self.tint[row]
+        self.skies = sky if self.skies is None else tuple(torch.cat(both) for both in zip(self.skies, sky, strict=True))
+        self.highlights = row, self.mirrored.lamps * self.tint[row]
+        self.tint[row] *= self.mirrored.color
+        self.sees_sky[row] = False
+
+
 class GatherScene:
     """All patches of a scene, and the surfaces that gather rays hit."""
 
@@ -194,76 +226,83 @@ class GatherScene:
 
     def _gather(self, position: Tensor, normal: Tensor, direction: Tensor, ray: Ray, matte: MatteRays | None = None,
                 roughness: Tensor | None = None) -> Gathered:
-        position, rays = position + LIFT * normal, direction.shape[1] if matte is None else matte.unaimed
-        total, direction = direction.shape[1], direction.reshape(-1, 3)
-        origin = position[:, None].expand(-1, total, -1).reshape(-1, 3)
+        """Of matte points or, with their roughness, of glossy ones."""
+        position, (count, total) = position + LIFT * normal, direction.shape[:2]
+        alpha2 = None if roughness is None else (roughness ** 4 / total).repeat_interleave(total)
+        rays = self._cast(position[:, None].expand(-1, total, -1).reshape(-1, 3), direction.reshape(-1, 3), ray, alpha2)
+        unaimed, weight, of_unaimed, media, fire = total, None, None, torch.zeros_like(position), None
+        if matte is not None:
+            self._leave_own_face(rays, normal, total)
+            unaimed, (weight, of_unaimed) = matte.unaimed, matte.weights(rays.piece, rays.distance)
+            if self.fog is not None:
+                media, fire = self._in_scattering(rays, matte, position, normal)
+        if self.panes is not None and (self._refracts or ray == Ray.GLOSSY):
+            self._pass_glass(rays, ray, weight)
+        if rays.mirrored is not None:
+            rays.pass_polished()
+        excess = None if self.lobes is None else self.lobes.excess(rays.side, rays.along.T).view(count, total)
+        share, tint = rays.tint.mean(1), rays.tint
+        color = (tint / share[:, None].clamp_min(1e-9)).view(count, total, 3) if tint.shape[1] == 3 else None
+        share = share.view(count, total) if weight is None else share.view(count, total) * weight
+        sky = (rays.sees_sky[:, None] * tint).unflatten(0, (count, total))[:, :unaimed]
+        return Gathered(direction[:, :unaimed], rays.side.view(count, total), share, sky, media, of_unaimed, fire,
+                        rays.skies, rays.highlights, color, excess)
+
+    def _cast(self, origin: Tensor, direction: Tensor, ray: Ray, alpha2: Tensor | None) -> GatherRays:
+        """Rays of a kind from points (N, 3) along unit vectors (N, 3) to what they hit, before any glass.
+
+        alpha2: (N,) of glossy points, squared GGX alpha of a lobe as wide as what each ray stands for.
+        """
         with part(0.0, 0.7):
-            hits, straight = self.surfaces[ray].nearest(origin, direction), None
+            hits, clear = self.surfaces[ray].nearest(origin, direction), None
             if self._veils is not None:
-                hits, straight = self._veils.pass_some(self.surfaces[ray], origin, direction, hits)
+                hits, clear = self._veils.pass_some(self.surfaces[ray], origin, direction, hits)
         distance, along, mirrored = hits.distance, direction, None
-        if roughness is not None and self._polished is not None:
-            mirrored = self._polished.mirror(origin, direction, hits, (roughness ** 4 / total).repeat_interleave(total))
+        if alpha2 is not None and self._polished is not None:
+            mirrored = self._polished.mirror(origin, direction, hits, alpha2)
             hits, along = mirrored.behind(hits, direction)
         piece = self._locator.find(hits.triangle, hits.weights)
         facing = self._facing.index_select(0, piece)
         cosine = dot(facing, along)
-        side = self._sides(piece, cosine)
-        if matte is not None:  # rays into the face that they start from, right below them, carry nothing in Cycles
-            is_alike = (facing.view(-1, total, 3) @ normal[..., None]).flatten() * -cosine.sign() > ALIKE
-            side.masked_fill_(is_alike & ((distance * cosine).abs() < TOUCHING), 2 * self.count)
-        tint, sky, fire, skies, highlights = torch.ones_like(distance)[:, None], distance.isinf(), None, None, None
-        media = torch.zeros_like(position)
-        weight, of_unaimed = (None, None) if matte is None else matte.weights(piece, distance)
+        rays = GatherRays(origin, direction, distance, piece, facing, cosine, self._sides(piece, cosine), along,
+                          torch.ones_like(distance)[:, None], distance.isinf(), mirrored)
         if self.fog is not None:
-            end = origin + distance.clamp(max=FOG_REACH)[:, None] * direction
-            tint = self.fog.transmittance(origin, end)
-            if matte is not None:
-                some = _some(end.view(-1, total, 3)[:, :matte.plain], FOG_RAYS, matte.start[:, 1])
-                of_media = position, normal, some, matte.start, self._opaque.is_blocked
-                media += self._media.to_surfaces.diffuse(*of_media)
-                fire = self._media.fire and self._media.fire.diffuse(*of_media)
-        if straight is not None:
-            tint = tint * straight
-        if self.panes is not None and (self._refracts or ray == Ray.GLOSSY):
-            with part(0.7, 1.0):
-                glass = self.panes.behind(origin, direction, distance)
-            row, light, transmittance = glass.ray, glass.sky, glass.transmittance
-            sky[row] = False
-            if self.panes.have_colors and tint.shape[1] == 1:
-                tint = tint.repeat(1, 3)
-            tint[row] *= transmittance if tint.shape[1] == 3 else transmittance[:, :1]
-            row, light = self._mirrored_by(glass, ray, side, tint, row, light)
-            along = along.index_put((glass.mirroring,), glass.onward)
-            skies = row, light if weight is None else weight.view(-1, 1)[row] * light
-        if mirrored is not None:
-            row, tint = mirrored.row, tint.repeat(1, 3 // tint.shape[1])
-            skies = _joined(skies, (row, mirrored.sky * tint[row]))
-            highlights = row, mirrored.lamps * tint[row]
-            tint[row] *= mirrored.color
-            sky[row] = False
-        share = tint.mean(1)
-        color = (tint / share[:, None].clamp_min(1e-9)).view(-1, total, 3) if tint.shape[1] == 3 else None
-        sky = (sky[:, None] * tint).unflatten(0, (-1, total))[:, :rays]
-        excess = None if self.lobes is None else self.lobes.excess(side, along.T).view(-1, total)
-        side, share, direction = side.view(-1, total), share.view(-1, total), direction.view(-1, total, 3)[:, :rays]
-        share = share if weight is None else share * weight
-        return Gathered(direction, side, share, sky, media, of_unaimed, fire, skies, highlights, color, excess)
+            rays.tint = self.fog.transmittance(origin, rays.in_reach())
+        if clear is not None:
+            rays.tint = rays.tint * clear
+        return rays
 
-    def _mirrored_by(self, glass: BehindGlass, ray: Ray, side: Tensor, tint: Tensor, row: Tensor,
-                     light: Tensor) -> tuple[Tensor, Tensor]:
-        """Let rays that see the sky through glass meet the patches that it mirrors, too: in place.
+    def _leave_own_face(self, rays: GatherRays, normal: Tensor, total: int) -> None:
+        """Rays, so many from points with unit normals (P, 3), carry nothing from the face right below, as in Cycles."""
+        is_alike = (rays.facing.view(-1, total, 3) @ normal[..., None]).flatten() * -rays.cosine.sign() > ALIKE
+        is_below = (rays.distance * rays.cosine).abs() < TOUCHING
+        rays.side.masked_fill_(is_alike & is_below, 2 * self.count)
 
-        Returns their numbers and the radiance of the sky, `row` (M,) and `light` (M, 3), with that of mirrored sky.
-        """
+    def _in_scattering(self, rays: GatherRays, matte: MatteRays, position: Tensor,
+                       normal: Tensor) -> tuple[Tensor, Tensor | None]:
+        """(P, 3) `media` and `fire` of Gathered, at points (P, 3) with unit normals (P, 3)."""
+        ends = rays.in_reach().view_as(matte.direction)[:, :matte.plain]
+        of_media = position, normal, _some(ends, FOG_RAYS, matte.start[:, 1]), matte.start, self._opaque.is_blocked
+        return self._media.to_surfaces.diffuse(*of_media), self._media.fire and self._media.fire.diffuse(*of_media)
+
+    def _pass_glass(self, rays: GatherRays, ray: Ray, weight: Tensor | None) -> None:
+        """Let rays see what is behind glass, and those that see the sky there what it mirrors, too."""
+        with part(0.7, 1.0):
+            glass = self.panes.behind(rays.origin, rays.direction, rays.distance)
+        rays.sees_sky[glass.ray] = False
+        if self.panes.have_colors and rays.tint.shape[1] == 1:
+            rays.tint = rays.tint.repeat(1, 3)
+        rays.tint[glass.ray] *= glass.transmittance[:, :rays.tint.shape[1]]
         hits = self.surfaces[ray].nearest(glass.begin, glass.onward)
-        side[glass.mirroring] = self.hit_sides(hits.triangle, hits.weights, glass.onward)
-        tint[glass.mirroring] = glass.mirrored.expand(-1, tint.shape[1])
-        if self.panes.environment is None:
-            return row, light
-        sky = self.panes.environment.filtered(glass.onward, torch.full_like(glass.onward[:, 0], BLUR))
-        sky = sky * glass.mirrored * hits.distance.isinf()[:, None]
-        return torch.cat([row, glass.mirroring]), torch.cat([light, sky])
+        rays.side[glass.mirroring] = self.hit_sides(hits.triangle, hits.weights, glass.onward)
+        rays.tint[glass.mirroring] = glass.mirrored.expand(-1, rays.tint.shape[1])
+        rays.along = rays.along.index_put((glass.mirroring,), glass.onward)
+        row, light = glass.ray, glass.sky
+        if self.panes.environment is not None:
+            sky = self.panes.environment.filtered(glass.onward, torch.full_like(glass.onward[:, 0], BLUR))
+            sky = sky * glass.mirrored * hits.distance.isinf()[:, None]
+            row, light = torch.cat([row, glass.mirroring]), torch.cat([light, sky])
+        rays.skies = row, light if weight is None else weight.view(-1, 1)[row] * light
 
     def hit_sides(self, triangle: Tensor, weights: Tensor, direction: Tensor) -> Tensor:
         """(N,) sides, as Gathered has them, of the patches that rays (N, 3) hit.
@@ -277,10 +316,6 @@ class GatherScene:
         """The same for the triangles (N,) of patches, and the cosines (N,) of rays to their fronts' normals."""
         patch, count = self._seen[piece], self.count
         return torch.where(patch < count, patch + count * (cosine > 0), 2 * count)
-
-
-def _joined(seen: tuple[Tensor, Tensor] | None, more: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:
-    return more if seen is None else tuple(torch.cat(both) for both in zip(seen, more, strict=True))
 
 
 def _some(rays: Tensor, count: int, start: Tensor) -> Tensor:

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ...material.reflectance import widened
 from ...scene import BASE_COLOR, METALLIC, ROUGHNESS, RenderScene, tile_means
 from ...shading import surface
 from ...surface_kinds import Ray
@@ -56,9 +57,9 @@ class PolishedMetal:
         is_polished = ((metallic > PURE) & (roughness < SMOOTH))[scene.tile_index] & ~scene.is_light
         return cls(scene, surfaces, direct, is_polished) if is_polished.any() else None
 
-    def mirror(self, origin: Tensor, direction: Tensor, hits: TensorHits, width4: Tensor) -> Mirrored:
-        """From points (N, 3) along unit vectors (N, 3) to their hits. width4: (N,), the fourth power of the roughness
-        of a lobe as wide as what each ray stands for."""
+    def mirror(self, origin: Tensor, direction: Tensor, hits: TensorHits, alpha2: Tensor) -> Mirrored:
+        """From points (N, 3) along unit vectors (N, 3) to their hits. alpha2: (N,), squared GGX alpha of a lobe as
+        wide as what each ray stands for."""
         row = self._is_polished[hits.triangle].nonzero()[:, 0]  # waits for a GPU
         origin, direction, distance = origin[row], direction[row], hits.distance[row]
         point = origin + distance[:, None] * direction
@@ -70,9 +71,8 @@ class PolishedMetal:
         sky = torch.zeros_like(color)
         if (environment := self._direct.sky_seen_by(Ray.GLOSSY)) is not None:
             sky = environment.filtered(onward, roughness) * found.distance.isinf()[:, None]
-        widened = (roughness ** 4 + width4[row]) ** 0.25
-        return Mirrored(row, color, onward, found, color * self._highlights(begin, normal, -direction, widened),
-                        color * sky)
+        lamps = self._highlights(begin, normal, -direction, widened(roughness, alpha2[row]))
+        return Mirrored(row, color, onward, found, color * lamps, color * sky)
 
     def _surface(self, triangle: Tensor, point: Tensor, direction: Tensor) -> tuple[Tensor, Tensor]:
         """Unit normals (M, 3) facing the rays, and material texels (M, C)."""

@@ -8,6 +8,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ...first_hits.camera_rays import SAMPLE_POINTS
+from ...material.reflectance import widened
 from ..edge_stopping import edge_weights, plane_tolerance
 from ..hit_surfaces import HitSurfaces
 from ..vectors import dot, length
@@ -62,7 +63,7 @@ def roughness_within(surfaces: HitSurfaces) -> Tensor:
 
 def widened_by_turn(roughness: Tensor, turn2: Tensor) -> Tensor:
     """Roughness of lobes as wide as all that pixels mirror, from `mirrored_turn2` of these; all of one shape."""
-    return (roughness ** 4 + TURNED * turn2).clamp(max=1) ** 0.25
+    return widened(roughness, TURNED * turn2).clip(max=1)
 
 
 def points_within(footprint: Tensor) -> Tensor:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...geometry import dot, reflected
-from ...material.reflectance import LEAST_LAYER, fresnel, layer_reflectance
+from ...material.reflectance import LEAST_LAYER, fresnel, layer_reflectance, widened
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
 from ...shading import surface
 from . import facets
@@ -104,6 +104,6 @@ def inner_lobe(scene: RenderScene, cast: Cast, met: MetSurfaces, reach: np.ndarr
     back = MetSurfaces.at(scene, triangle, point, direction, met.tint * (mirrors + (1 - mirrors) * inner))
     tint = back.tint * tint_of_surface(back.texel, back.inside)
     lobe = exit_lobe(back, back.inside & (triangle >= 0), tint, least=-1)
-    roughness = (lobe.roughness ** 4 + first[:, ROUGHNESS, None] ** 4) ** 0.25
+    roughness = widened(lobe.roughness, first[:, ROUGHNESS, None] ** 4)
     lobe.roughness = roughness.clip(LEAST_BLUR, 1).astype(np.float32)
     return lobe

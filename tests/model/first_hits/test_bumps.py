@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from renderformer_v2.model.first_hits.bumps import normal_variance, widened
+from renderformer_v2.model.first_hits.bumps import normal_variance, with_bumps
 from renderformer_v2.model.geometry import unit
 
 SIZE, MIDDLE = 8, (4, 4)
@@ -22,7 +22,7 @@ def test_a_pixel_is_as_rough_as_its_bumps_are_steep():
     position, flat = plane()
     variance = normal_variance(short * flat, np.full((SIZE, SIZE), 8.0), position, flat)
     assert variance[MIDDLE] == pytest.approx(0.02, rel=0.05)
-    np.testing.assert_allclose(widened(np.full((SIZE, SIZE), 0.5), variance)[MIDDLE], 0.533, rtol=1e-2)
+    np.testing.assert_allclose(with_bumps(np.full((SIZE, SIZE), 0.5), variance)[MIDDLE], 0.533, rtol=1e-2)
     assert normal_variance(flat, None, position, flat) is None
 
 
