@@ -24,7 +24,7 @@ from .end_albedo import mean_albedo
 from .facets import pixel_starts, rough_facets
 from .follow_paths import follow_paths
 from .glass import Cast, lost, mirrored_by_plates
-from .path_lobes import LIFT, Lobe
+from .path_lobes import LIFT
 from .paths import BLURRED, Media, PathEnds, Sheets
 
 PATHS = 1 << 18  # of a lobe, at most
@@ -74,11 +74,7 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
         step = max(math.ceil(math.sqrt(mask.sum() / PATHS)), 1)
         rows, columns = (step * index for index in np.nonzero(mask[::step, ::step]))
         ends = _follow(guides, scene, view, lobe, rows, columns, step, media)
-        values = _values(ends, lobe)
-        values[f"{lobe.name}_color"] = _mean_color(scene, ends, rows // step, columns // step)
-        if scene.group is not None:
-            values[f"{lobe.name}_group"] = _groups(scene, ends)
-        for name, value in values.items():
+        for name, value in _values(scene, ends, lobe, rows // step, columns // step).items():
             picture = np.zeros((*mask.shape, value.shape[1]), np.float32 if name.endswith(FULL) else np.float16)
             picture[rows, columns] = value
             filled = picture[::step, ::step].repeat(step, 0).repeat(step, 1)[:mask.shape[0], :mask.shape[1]]
@@ -87,8 +83,8 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
 
 
 def _follow(guides: Guides, scene: RenderScene, view: View, lobe: PathLobe, rows: np.ndarray, columns: np.ndarray,
-            step: int, media: Media | None) -> list[PathEnds]:
-    """The paths of some pixels, every `step`-th, in chunks."""
+            step: int, media: Media | None) -> PathEnds:
+    """Of the paths of some pixels, every `step`-th."""
     rays = scene_rays(scene)
     everything = rays.among(MET, lobe.ray)
     passes_sheets = guides.straight is not None and lobe.ray == Ray.TRANSMISSION
@@ -109,34 +105,24 @@ def _follow(guides: Guides, scene: RenderScene, view: View, lobe: PathLobe, rows
 
     chunks = [(rows[first:first + CHUNK], columns[first:first + CHUNK]) for first in range(0, len(rows), CHUNK)]
     with part(0.0, 1.0, "Tracing mirrors and glass"):
-        return spread(follow, chunks)
+        return PathEnds.joined(spread(follow, chunks))
 
 
-def _values(ends: list[PathEnds], lobe: PathLobe) -> dict[str, np.ndarray]:
-    """Fields of Guides, of all paths (S, C)."""
-    values = {f"{lobe.name}_{kind}": np.concatenate([getattr(chunk, kind) for chunk in ends])
-              for kind in ("position", "normal", "light")}
-    if lobe.ray == Ray.GLOSSY:
-        values["reflected_light"] *= values["reflected_normal"].any(1, keepdims=True)  # the rest is direct light
-    for name, lobes in ((lobe.first_lobe, [chunk.lobe for chunk in ends]),
-                        (lobe.other_lobe, [chunk.other for chunk in ends]),
-                        (f"{lobe.name}_gloss", [chunk.gloss for chunk in ends])):
-        if any(chunk.color.any() for chunk in lobes):
-            values |= {f"{name}_{kind.name}": np.concatenate([getattr(chunk, kind.name) for chunk in lobes])
-                       for kind in dataclass_fields(Lobe) if f"{name}_{kind.name}" in KEPT}
+def _values(scene: RenderScene, ends: PathEnds, lobe: PathLobe, row: np.ndarray,
+            column: np.ndarray) -> dict[str, np.ndarray]:
+    """Fields of Guides, of all paths (S, C), which start in rows and columns (S,)."""
+    color = ends.share * mean_albedo(scene, row, column, ends.position, ends.normal, ends.triangle, ends.albedo)
+    # What reflections see without another surface on the way is direct light.
+    light = ends.light * ends.normal.any(1, keepdims=True) if lobe.ray == Ray.GLOSSY else ends.light
+    values = {"position": ends.position, "normal": ends.normal, "color": color, "light": light}
+    if scene.group is not None:
+        values["group"] = scene.group[scene.surfaces.token[ends.triangle]][:, None]
+    values = {f"{lobe.name}_{kind}": value for kind, value in values.items()}
+    names = lobe.first_lobe, lobe.other_lobe, f"{lobe.name}_gloss"
+    for name, shown in zip(names, (ends.lobe, ends.other, ends.gloss), strict=True):
+        if shown.color.any():
+            values |= {field: value for kind, value in vars(shown).items() if (field := f"{name}_{kind}") in KEPT}
     return values
-
-
-def _mean_color(scene: RenderScene, ends: list[PathEnds], *pixel: np.ndarray) -> np.ndarray:
-    """(S, 3) colour of the ends of all paths, which start in rows and columns (S,), as the mean within their pixels."""
-    share, *surface = (np.concatenate([getattr(chunk, kind) for chunk in ends])
-                       for kind in ("share", "position", "normal", "triangle", "albedo"))
-    return share * mean_albedo(scene, *pixel, *surface)
-
-
-def _groups(scene: RenderScene, ends: list[PathEnds]) -> np.ndarray:
-    """(S, 1) groups of the surfaces at which all paths end."""
-    return scene.group[scene.surfaces.token[np.concatenate([chunk.triangle for chunk in ends])]][:, None]
 
 
 def _media(scene: RenderScene) -> Media | None:

@@ -34,6 +34,11 @@ class Lobe:
         """That of so many points, which have none."""
         return cls(*(np.zeros((count, channels), np.float32) for channels in (3, 3, 3, 1, 1, 3)))
 
+    @classmethod
+    def joined(cls, parts: list[Lobe]) -> Lobe:
+        """Those of some points, then of others."""
+        return cls(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
+
     def set(self, rows: np.ndarray, lobe: Lobe) -> None:
         for own, other in zip(vars(self).values(), vars(lobe).values(), strict=True):
             own[rows] = other

@@ -38,6 +38,12 @@ class PathEnds:
         return cls(position, normal, share, albedo, np.full(count, -1, np.int32), light,
                    *(Lobe.none(count) for _ in range(3)))
 
+    @classmethod
+    def joined(cls, parts: list[PathEnds]) -> PathEnds:
+        """Those of some paths, then of others."""
+        return cls(*(Lobe.joined(values) if isinstance(values[0], Lobe) else np.concatenate(values)
+                     for values in zip(*(vars(part).values() for part in parts), strict=True)))
+
     def scale(self, factor: np.ndarray) -> None:
         """All that paths show becomes so many times (P, 1 or 3) as bright."""
         for color in (self.share, self.light, self.lobe.color, self.other.color, self.gloss.color):
