@@ -2,37 +2,24 @@
 """First hits from Cycles' passes: guides for any material, with the token triangle behind each pixel."""
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
-from ..camera import view_rays, view_rays_at
-from ..geometry import barycentric, corner_weights, dot, facing, interpolated, unit
+from ..camera import view_rays
+from ..geometry import dot, unit
 from ..pictures import box_means
-from ..progress import part, report
+from ..progress import report
 from ..rays import Hits
 from ..scene import Guides, RenderScene, View
-from ..scene_rays import scene_rays
-from ..shading import on_tokens, shading_normals
-from ..surface_kinds import ALL, SEEN, Ray
 from . import bumps, denoise_media, emitter_silhouettes, glass_from_inside, rough_gloss
-from .camera_rays import FINDING, CameraRays
+from .camera_rays import CameraRays
 from .denoise_media import Behind
+from .first_surfaces import FirstSurfaces, NearestTriangles, find_first_surfaces, nearest_pixels
 from .from_rays import lobe_colors
 
 Passes = dict[str, np.ndarray]  # of one view: {key: (H, W, C) f32}, row 0 on top
-NearestTriangles = Callable[[np.ndarray, np.ndarray], np.ndarray]  # (N, 3, 3) triangles, (k, 3) points -> (k,) indices
 
-# A pixel's ray belongs to the triangle that it hits if that hit lies within this fraction of the distance of what
-# Cycles saw, or of so many pictures in a row there: orthographic cameras are far away. Decimated meshes and
-# displacement pass; what Cycles' camera does not see (alpha cut-outs, hidden objects) fails, and the triangle nearest
-# to what it saw is taken instead.
-TOLERANCE = 0.01
-PICTURES = 3
-# Camera rays pass through lamps, which may hang just below a ceiling: a light that shows no emission must fit closely.
-UNSEEN_LIGHT_TOLERANCE = 1e-4
 NOTHING_HIT = 1e9    # Cycles' Depth is 1e10 where the pixel's centre hits nothing
 NOWHERE = 1e10       # that Depth
 VISIBLE = ("normal", "emission", "environment")  # one of them is not 0 where anything is visible but a black world
@@ -41,7 +28,6 @@ ONE_SURFACE = 0.95   # length of the mean of a pixel's unit normals above which 
 APART = 0.1          # difference of two unit normals of which a pixel must not show the mean
 BETWEEN = 0.03       # distance from the line between the two at which a normal belongs to neither, such as a bump's
 UNBENT = 0.2         # cosine to the viewer from which on Cycles does not bend normals
-FILL_RADIUS = 4      # pixels
 NEAR_FIBRES = 2      # pixels
 
 
@@ -66,25 +52,18 @@ def guides_from_passes(passes: Passes, scene: RenderScene, view: View, nearest_t
     surfaces = FirstSurfaces.empty(passes["position"] * hit[..., None])
     if len(scene) and hit.any():
         emits = (passes["emission"] > 0).any(axis=-1)
-        surfaces.set(hit, _first_surfaces(scene, view, surfaces.position[hit], hit, emits[hit], nearest_triangles))
+        surfaces.set(hit, find_first_surfaces(scene, view, surfaces.position[hit], hit, emits[hit], nearest_triangles))
     has_media = bool(scene.volumes) and len(scene) > 0
     if has_media:
         camera = CameraRays(scene, view)
         _add_hits_behind_media(camera, scene, view, covered & ~hit, hit, surfaces)
         covered &= hit | _show_surfaces(passes)
     report()
-    source = _nearest_pixels(hit, covered)
-    shown = surfaces.taken(source)
+    shown = surfaces.taken(nearest_pixels(hit, covered))
     guides = replace(guides_without_triangles(passes), position=shown.position, hit_triangle=shown.token,
                      hit_barycentric=shown.weights)
     report()
-    rays = view_rays(view)[1]
-    mean = passes["normal"] / np.maximum(alpha, COVERED)[..., None]
-    guides = replace(guides, normal_variance=bumps.normal_variance(mean, guides.samples, shown.position, shown.normal))
-    several = np.linalg.norm(passes["normal"], axis=-1) < ONE_SURFACE * alpha
-    several |= lies_between(guides.normal, shown.normal) & (-dot(shown.normal, rays) > UNBENT)
-    several &= shown.token >= 0
-    guides.normal[several] = shown.normal[several]
+    guides = _with_normals(guides, passes["normal"], shown, view)
     report()
     guides = glass_from_inside.with_reflectance(emitter_silhouettes.smoothed(guides, scene, view), scene, view)
     guides = rough_gloss.with_kept(guides, scene, view)
@@ -92,36 +71,6 @@ def guides_from_passes(passes: Passes, scene: RenderScene, view: View, nearest_t
         guides = _with_fibres(guides, scene, view)
     behind = _behind_media(scene, camera, hit, surfaces) if has_media else None
     return denoise_media.smoothed(guides, scene.volumes, view, behind)
-
-
-class FirstSurfaces(NamedTuple):
-    """The surfaces that P rays, or those of all pixels (H, W), meet first."""
-
-    position: np.ndarray  # (P, 3) f32, world
-    normal: np.ndarray    # (P, 3) f32, shading normal facing the viewer; 0 = nothing is met
-    token: np.ndarray     # (P,) i32, the token triangle that stands for the surface; -1 = nothing is met
-    weights: np.ndarray   # (P, 2) f32 of the token's corners 0 and 1
-
-    @classmethod
-    def empty(cls, position: np.ndarray) -> FirstSurfaces:
-        """Without surfaces at positions (..., 3)."""
-        shape = position.shape[:-1]
-        return cls(position, np.zeros_like(position), np.full(shape, -1, np.int32), np.zeros((*shape, 2), np.float32))
-
-    def set(self, rows, surfaces: FirstSurfaces) -> None:
-        for own, other in zip(self, surfaces, strict=True):
-            own[rows] = other
-
-    def taken(self, source: np.ndarray) -> FirstSurfaces:
-        """The surfaces of other pixels, by flat index (H, W)."""
-        return FirstSurfaces(*(x.reshape(source.size, *x.shape[2:])[source] for x in self))
-
-    @classmethod
-    def of_hits(cls, scene: RenderScene, hits: Hits, eye: np.ndarray, rays: np.ndarray) -> FirstSurfaces:
-        """Where rays (P, 3) from a point hit the geometry, all of them."""
-        return cls(hits.distance[:, None] * rays + eye,
-                   shading_normals(scene, hits.triangle, corner_weights(hits.weights), rays),
-                   *on_tokens(scene, hits.triangle, hits.weights))
 
 
 def guides_without_triangles(passes: Passes) -> Guides:
@@ -149,6 +98,20 @@ def clear_outside(passes: Passes, outside: np.ndarray | None) -> Passes:
     empty = outside[..., None] & ~np.any([passes[key].any(-1, keepdims=True) for key in VISIBLE], axis=0)
     return passes | {"alpha": np.where(empty, np.float32(0), passes["alpha"]),
                      "depth": np.where(outside[..., None], np.float32(NOWHERE), passes["depth"])}
+
+
+def _with_normals(guides: Guides, normal: np.ndarray, shown: FirstSurfaces, view: View) -> Guides:
+    """Guides that know of bumps, with the normals of the surfaces `shown` (H, W) where pixels show several ones.
+
+    normal: (H, W, 3), the pass: sums over a pixel's samples, the shorter the less covers it and the more they differ.
+    """
+    mean = normal / np.maximum(guides.alpha, COVERED)[..., None]
+    variance = bumps.normal_variance(mean, guides.samples, shown.position, shown.normal)
+    several = np.linalg.norm(normal, axis=-1) < ONE_SURFACE * guides.alpha
+    several |= lies_between(guides.normal, shown.normal) & (-dot(shown.normal, view_rays(view)[1]) > UNBENT)
+    several &= shown.token >= 0
+    return replace(guides, normal_variance=variance,
+                   normal=np.where(several[..., None], shown.normal, guides.normal))
 
 
 def _with_fibres(guides: Guides, scene: RenderScene, view: View) -> Guides:
@@ -201,40 +164,6 @@ def _behind_media(scene: RenderScene, camera: CameraRays, hit: np.ndarray, surfa
     return Behind(colors, coverage)
 
 
-def _first_surfaces(scene: RenderScene, view: View, target: np.ndarray, hit: np.ndarray, emits: np.ndarray,
-                    nearest_triangles: NearestTriangles) -> FirstSurfaces:
-    """Those of the S pixels of `hit` (H, W) at which Cycles saw points `target` (S, 3) that emit light (S,) or not.
-
-    The first one on the pixel's ray; if what Cycles saw is not there, the first visible one; if it is not there either,
-    the token triangle nearest to it.
-    """
-    eye, (rows, columns) = view.camera_to_world[:3, 3], np.nonzero(hit)
-    rays = view_rays_at(view, columns + 0.5, rows + 0.5)[1]
-    close = TOLERANCE * min(PICTURES * view.longer_side / view.focal.max(), 1)
-    result, remaining = FirstSurfaces.empty(target.copy()), np.arange(len(target))
-    with part(0.0, 0.5, FINDING):
-        for kinds in (ALL, SEEN):
-            hits = scene_rays(scene).among(kinds, Ray.CAMERA).closest(eye, rays[remaining])
-            away = np.linalg.norm(hits.distance[:, None] * rays[remaining] + eye - target[remaining], axis=1)
-            away /= np.linalg.norm(target[remaining] - eye, axis=1)
-            token = scene.surfaces.token[hits.triangle]
-            is_light = scene.is_light[token]
-            tolerance = np.where(is_light & ~emits[remaining], UNSEEN_LIGHT_TOLERANCE, close)
-            fits = (hits.triangle >= 0) & (away <= tolerance) & (is_light | scene.is_seen[token])
-            fitting = remaining[fits]
-            result.set(fitting, FirstSurfaces.of_hits(scene, Hits(*(x[fits] for x in hits)), eye, rays[fitting]))
-            remaining = remaining[~fits]
-            if not len(remaining) or scene.is_seen.all():
-                break
-    if len(remaining):
-        with part(0.5, 1.0, FINDING):
-            nearest = nearest_triangles(scene.triangles, target[remaining])
-        weights = barycentric(scene.triangles[nearest], target[remaining]).astype(np.float32)
-        normal = facing(unit(interpolated(weights.clip(0), scene.normals[nearest])), rays[remaining])
-        result.set(remaining, FirstSurfaces(target[remaining], normal, nearest, weights[:, :2].clip(0, 1)))
-    return result
-
-
 def lies_between(mean: np.ndarray, middle: np.ndarray) -> np.ndarray:
     """(H, W) bool: pixels of which the mean normal (H, W, 3) is one of different surfaces, as of two facets.
 
@@ -251,20 +180,3 @@ def lies_between(mean: np.ndarray, middle: np.ndarray) -> np.ndarray:
         away = mean[pixel] - unit(here + along[:, None] * step)
         result[pixel] |= dot(away, away) < (BETWEEN + BETWEEN * np.sqrt(length2)) ** 2
     return result
-
-
-def _nearest_pixels(known: np.ndarray, needed: np.ndarray) -> np.ndarray:
-    """(H, W) flat index of the pixel itself, or of a nearby `known` one for pixels that are `needed` but not known."""
-    height, width = known.shape
-    source = np.arange(height * width).reshape(height, width)
-    known = known.copy()
-    for _ in range(FILL_RADIUS):
-        rows, columns = np.nonzero(needed & ~known)
-        if not len(rows):
-            break
-        for dy, dx in ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)):
-            y, x = (rows + dy).clip(0, height - 1), (columns + dx).clip(0, width - 1)
-            is_known = known[y, x]
-            source[rows[is_known], columns[is_known]] = source[y[is_known], x[is_known]]
-        known[rows, columns] = source[rows, columns] != rows * width + columns
-    return source

@@ -26,7 +26,7 @@ from ..scene_rays import scene_rays
 from ..surface_kinds import SEEN, Ray, clear_tiles
 from .camera_rays import CameraRays
 from .denoise_media import COLORS, varies
-from .from_passes import FirstSurfaces
+from .first_surfaces import FirstSurfaces
 from .from_rays import colors_of_texels, material_of_tokens
 from .hit_materials import MOST, own_texels
 
