@@ -62,7 +62,7 @@ def test_scene_cameras_guides_and_passes_of_a_sample_belong_together(folder, see
 
 
 def test_simple_scenes_have_neither_glass_nor_volumes_nor_textures(folder):
-    scene = load_sample(sample_path(folder, 9), tile_size=STORED_TILE)[0]
+    scene = load_sample(sample_path(folder, 9), tile_size=STORED_TILE).scene
     assert scene.volumes is None and not scene.tiles[:, TRANSMISSION].any()
     assert (scene.tiles[:, IOR] >= 1).all()
     assert np.ptp(scene.tiles.astype(np.float32), axis=(2, 3)).max() == 0

@@ -83,7 +83,7 @@ def test_files_give_their_own_view_and_others_beside_it_and_stay_as_they_are(tmp
 
     paths = sample_paths(tmp_path / "samples")
     samples = {path.name: load_sample(path) for path in paths}
-    assert [len(views) for _, views, _, _ in samples.values()] == [2, 1, 2, 1]
+    assert [len(sample.views) for sample in samples.values()] == [2, 1, 2, 1]
     places = {name.split("_")[1]: [] for name in samples}
     for name, (scene, views, guides, passes) in samples.items():
         scene.validate()

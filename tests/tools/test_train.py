@@ -266,7 +266,7 @@ def test_equal_tiles_with_other_latents_stay_apart_in_a_sample(tmp_path):
     scene.two_lobes = np.zeros((3, 7, 32, 32), np.float16)
     scene.two_lobes[2] = 0.25
     save_sample(tmp_path / "scene_1.npz", scene, [view], [guides], [{"combined": np.zeros((64, 64, 4))}])
-    found, *_ = load_sample(tmp_path / "scene_1.npz")
+    found = load_sample(tmp_path / "scene_1.npz").scene
     found.validate()
     assert len(found.tiles) == 2 and found.latents[found.tile_index[5]].tolist() == [0.5] * 9
     assert not found.latents[found.tile_index[0]].any()

@@ -12,6 +12,7 @@ import os
 import zipfile
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,6 +54,22 @@ class Facts:
     environment: bool   # light from the world
     volumes: bool
     transmission: bool  # glass that a view sees
+
+
+class StoredSample(NamedTuple):
+    """A scene, and for each of its views, which are of equal size: the camera, first hits, and Cycles' pictures.
+
+    `passes` has the keys of rf2_engine/cycles/session.py: "combined" (H, W, 4), denoised, premultiplied, with directly
+    seen emitters but without the directly seen world, both of which are passes of their own ("emission",
+    "environment"), and noisy light per lobe, for which combined = diffuse_color * (diffuse_direct + diffuse_indirect)
+    + glossy and transmission likewise + volume_direct + volume_indirect + emission. Guides have the few samples of
+    F12; in older files they have the reference's, and those are its emission and environment.
+    """
+
+    scene: RenderScene
+    views: list[View]
+    guides: list[Guides]
+    passes: list[dict[str, np.ndarray]]  # {name: (H, W, C) f32}
 
 
 def save_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
@@ -110,17 +127,11 @@ def save_sample(path: Path, scene: RenderScene, views: list[View], guides: list[
     save_arrays(path, arrays)
 
 
-def load_sample(path: Path, tile_size: int = TILE_SIZE) -> tuple[RenderScene, list[View], list[Guides],
-                                                                 list[dict[str, np.ndarray]]]:
-    """(scene, views, guides, passes) of a sample, the last three one entry per view, floats as f32.
+def load_sample(path: Path, tile_size: int = TILE_SIZE) -> StoredSample:
+    """The sample of a file, floats as f32.
 
-    `passes` has the keys of rf2_engine/cycles/session.py: "combined" (H, W, 4), denoised, premultiplied, with directly
-    seen emitters but without the directly seen world, both of which are passes of their own ("emission",
-    "environment"), and noisy light per lobe, for which combined = diffuse_color * (diffuse_direct + diffuse_indirect)
-    + glossy and transmission likewise + volume_direct + volume_indirect + emission. Guides have the few samples of
-    F12; in older files they have the reference's, and those are its emission and environment. With `tile_size`
-    STORED_TILE the tiles are not blown up to the contract's 32 x 32, which saves the training loop a copy of up to 70
-    MB.
+    With `tile_size` STORED_TILE the tiles are not blown up to the contract's 32 x 32, which saves the training loop a
+    copy of up to 70 MB.
     """
     with np.load(path) as file:
         arrays = {name: file[name] for name in file.files}
@@ -128,19 +139,6 @@ def load_sample(path: Path, tile_size: int = TILE_SIZE) -> tuple[RenderScene, li
     def group(prefix: str) -> dict[str, np.ndarray]:
         return {key.partition(".")[2]: array for key, array in arrays.items() if key.startswith(prefix + ".")}
 
-    scene = group("scene")
-    repeat = max(1, tile_size // scene["tiles"].shape[-1])
-    for name in ("tiles", "two_lobes"):
-        if name in scene:
-            scene[name] = scene[name].repeat(repeat, axis=2).repeat(repeat, axis=3)
-    scene["normals"] = _normalize(scene["normals"].astype(np.float32))
-    if "environment" in scene:
-        scene["environment"] = scene["environment"].astype(np.float32)
-    volumes, geometry = group("volumes"), group("geometry")
-    if geometry:
-        geometry["normals"] = _normalize(geometry["normals"].astype(np.float32))
-    result = RenderScene(**scene, volumes=Volumes(**volumes) if volumes else None,
-                         geometry=Geometry(**geometry) if geometry else None)
     view, guide, passes = group("view"), group("guides"), group("passes")
     count = len(view["width"])
     views = [View(view["camera_to_world"][i], view["focal"][i], view["principal"][i], int(view["width"][i]),
@@ -152,14 +150,15 @@ def load_sample(path: Path, tile_size: int = TILE_SIZE) -> tuple[RenderScene, li
     for g, p in zip(guides, passes, strict=True):
         for name in ("emission", "environment"):
             p.setdefault(name, getattr(g, name))
-    return result, views, guides, passes
+    scene = _unpack_scene(group("scene"), group("volumes"), group("geometry"), tile_size)
+    return StoredSample(scene, views, guides, passes)
 
 
-def load_with_paths(path: Path) -> tuple[RenderScene, list[View], list[Guides], list[dict[str, np.ndarray]]]:
+def load_with_paths(path: Path) -> StoredSample:
     """`load_sample`, and in the guides the ends of specular paths, as the engine finds them today."""
-    scene, views, guides, passes = load_sample(path)
-    return scene, views, [
-        add_path_ends(through_sheets(g, scene, v), scene, v) for g, v in zip(guides, views, strict=True)], passes
+    sample = load_sample(path)
+    return sample._replace(guides=[add_path_ends(through_sheets(guides, sample.scene, view), sample.scene, view)
+                                   for view, guides in zip(sample.views, sample.guides, strict=True)])
 
 
 def read_facts(path: Path) -> Facts:
@@ -188,6 +187,21 @@ def _pack_tiles(scene: RenderScene, size: int) -> dict[str, np.ndarray]:
     packed = {"scene.tiles": small[first], "scene.tile_index": inverse.ravel()[scene.tile_index].astype(np.int32)}
     packed |= {} if scene.latents is None else {"scene.latents": scene.latents[first]}
     return packed if lobes is None else packed | {"scene.two_lobes": lobes[first]}
+
+
+def _unpack_scene(scene: dict[str, np.ndarray], volumes: dict[str, np.ndarray], geometry: dict[str, np.ndarray],
+                  tile_size: int) -> RenderScene:
+    repeat = max(1, tile_size // scene["tiles"].shape[-1])
+    for name in ("tiles", "two_lobes"):
+        if name in scene:
+            scene[name] = scene[name].repeat(repeat, axis=2).repeat(repeat, axis=3)
+    for group in (scene, geometry):
+        if "normals" in group:
+            group["normals"] = _normalize(group["normals"].astype(np.float32))
+    if "environment" in scene:
+        scene["environment"] = scene["environment"].astype(np.float32)
+    return RenderScene(**scene, volumes=Volumes(**volumes) if volumes else None,
+                       geometry=Geometry(**geometry) if geometry else None)
 
 
 def _pack_guide(name: str, array: np.ndarray) -> np.ndarray:

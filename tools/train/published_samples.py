@@ -139,7 +139,7 @@ def build_sample(path: Path, pipeline: PublishedPipeline) -> PublishedSample:
 
 def build_copy(path: Path, pipeline: PublishedPipeline, copy: int) -> Copy:
     """A copy of the sample of one file, always the same one for the same number."""
-    scene, *_ = load_sample(path)
+    scene = load_sample(path).scene
     normalized = Normalization.of(scene).scene(scene)
     emits = find_emitters(normalized)
     turn, order = symmetry_of(path, copy, recolors=scene.latents is None)

@@ -41,7 +41,7 @@ def load_images(folder: Path, bundle: Bundle) -> Tensor:
     mapper = bundle.mapper("metallic_transmission_mapper")
     rng, images = np.random.default_rng(0), []
     for path in sample_paths(folder)[:MOST_SAMPLES]:
-        scene = load_sample(path)[0]
+        scene = load_sample(path).scene
         some = rng.permutation(len(scene.tiles))[:TILES]
         with torch.no_grad():
             raw = material_tiles(torch.from_numpy(scene.tiles[some]).float(), mapper)
