@@ -116,18 +116,6 @@ def read_tensors(data: bytes) -> dict[str, np.ndarray]:
     return tensors
 
 
-def write_tensors(tensors: dict[str, np.ndarray]) -> bytes:
-    """The inverse of `read_tensors`."""
-    head, body = MAGIC + bytes((1, 0)) + struct.pack("<I", len(tensors)), b""
-    start = len(head) + sum(13 + len(name.encode()) + 8 * x.ndim for name, x in tensors.items())
-    for name, x in tensors.items():
-        kind = TYPES.index(x.dtype.str[1:])
-        head += struct.pack("<H", len(name.encode())) + name.encode()
-        head += struct.pack(f"<HBQ{x.ndim}Q", x.ndim, kind, start + len(body), *x.shape)
-        body += x.astype(x.dtype.newbyteorder("<")).tobytes()
-    return head + body
-
-
 def _place(elevation: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
     """(P, 2) column and row, from 0 to 1, of angles (P,)."""
     return np.stack([np.sqrt(elevation * 2 / np.pi).clip(0, 1), (azimuth / (2 * np.pi) + 0.5) % 1], -1)

@@ -7,10 +7,9 @@ import pytest
 from skimage.io import imread
 
 from renderformer_v2.model.errors import SceneError
-from renderformer_v2.model.material.adaptive_brdf import write_tensors
 from renderformer_v2.model.material.measured import SHAPE, MeasuredBRDF, sphere_picture
 from tests.model.material.test_adaptive_brdf import COLOR as METAL
-from tests.model.material.test_adaptive_brdf import tensors
+from tests.model.material.test_adaptive_brdf import tensors, write_tensors
 from tools import measured
 from tools.datagen import spheres
 

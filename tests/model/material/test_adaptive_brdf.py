@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """BRDFs of the RGL material database: their files, and reflectance looked up by the distribution of visible normals."""
+import struct
+
 import numpy as np
 import pytest
 
 from renderformer_v2.model.errors import SceneError
 from renderformer_v2.model.geometry import unit
-from renderformer_v2.model.material.adaptive_brdf import MAGIC, TABLES, AdaptiveBRDF, read_tensors, write_tensors
+from renderformer_v2.model.material.adaptive_brdf import MAGIC, TABLES, TYPES, AdaptiveBRDF, read_tensors
 
 COLOR = np.array((0.2, 0.5, 0.8))
 ALPHA = 0.4
@@ -36,6 +38,18 @@ def tensors(size=65, visible=None) -> dict[str, np.ndarray]:
             "theta_i": elevations.astype(np.float32), "ndf": np.tile(density(cosine), (2, 1)).astype(np.float32),
             "sigma": np.tile(seen_area(cosine), (2, 1)).astype(np.float32), "vndf": visible[None].astype(np.float32),
             "rgb": np.broadcast_to(COLOR[None, None, :, None, None], (1, 8, 3, 5, 5)).astype(np.float32)}
+
+
+def write_tensors(tensors: dict[str, np.ndarray]) -> bytes:
+    """The inverse of `read_tensors`."""
+    head, body = MAGIC + bytes((1, 0)) + struct.pack("<I", len(tensors)), b""
+    start = len(head) + sum(13 + len(name.encode()) + 8 * x.ndim for name, x in tensors.items())
+    for name, x in tensors.items():
+        kind = TYPES.index(x.dtype.str[1:])
+        head += struct.pack("<H", len(name.encode())) + name.encode()
+        head += struct.pack(f"<HBQ{x.ndim}Q", x.ndim, kind, start + len(body), *x.shape)
+        body += x.astype(x.dtype.newbyteorder("<")).tobytes()
+    return head + body
 
 
 def brdf_of(tensors) -> AdaptiveBRDF:
