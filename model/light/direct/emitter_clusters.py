@@ -9,7 +9,7 @@ import numpy as np
 
 from ...clusters import split_clusters
 from .outlines import outline_vectors, padded, ring_points, rings
-from .pictures import Picture
+from .pictures import BUT_RADIANCE, LIGHT, Picture
 
 NO_SHELL = np.zeros(3, np.float32)  # as an outward normal
 FACING, COLOR, BEAM = 0.3, 0.1, 0.3  # how much differences in these count beside a distance of the scene's radius
@@ -42,24 +42,25 @@ class Emitters:
     def of(cls, polygons: list[tuple], spheres: list[tuple]) -> Emitters:
         """polygons: (corners (K, 3), outward, light), spheres: (center, radius, light).
 
-        light: (9,) radiance, axis, cosines, kind; outward: (3,), 0 of what is no shell.
+        light: (len(LIGHT),); outward: (3,), 0 of what is no shell.
         """
-        light = np.array([p[-1] for p in polygons] + [s[-1] for s in spheres], np.float32).reshape(-1, 9)
+        light = np.array([p[-1] for p in polygons] + [s[-1] for s in spheres], np.float32).reshape(-1, len(LIGHT))
         return cls(
             corners=padded([p[0] for p in polygons]),
             centers=np.array([s[0] for s in spheres], np.float32).reshape(-1, 3),
             radii=np.array([s[1] for s in spheres], np.float32),
-            radiance=light[:, :3], beam_axis=light[:, 3:6], beam_cosine=light[:, 6:8],
-            kind=light[:, 8].astype(np.int32),
+            radiance=light[:, LIGHT["radiance"]], beam_axis=light[:, LIGHT["beam_axis"]],
+            beam_cosine=light[:, LIGHT["beam_cosine"]], kind=light[:, LIGHT["kind"]][:, 0].astype(np.int32),
             outward=np.array([p[1] for p in polygons], np.float32).reshape(-1, 3))
 
     def beside(self, pictures: list[Picture], cells: int, light: np.ndarray) -> Emitters:
-        """These, and after their polygons so many cells of each picture, of triangles that shine with light (L, 9)."""
+        """These, and after their polygons so many cells of each picture, of triangles that shine with light
+        (L, len(LIGHT))."""
         own = np.concatenate([self.radiance, self.beam_axis, self.beam_cosine, self.kind[:, None]], axis=1)
         polygons = list(zip(self.corners, self.outward, own, strict=False))
         spheres = zip(self.centers, self.radii, own[len(polygons):], strict=True)
         for picture in pictures:
-            polygons += [(outline, NO_SHELL, np.concatenate([radiance, light[picture.rows[0], 3:]]))
+            polygons += [(outline, NO_SHELL, np.concatenate([radiance, light[picture.rows[0], BUT_RADIANCE]]))
                          for outline, radiance in picture.cells(cells)]
         return replace(Emitters.of(polygons, list(spheres)), pictures=tuple(pictures), cells=cells)
 
@@ -127,7 +128,7 @@ def _one_sphere(emitters: Emitters, rows: np.ndarray, power: np.ndarray) -> tupl
 
 
 def _light(emitters: Emitters, rows: np.ndarray, power: np.ndarray, radiance: np.ndarray) -> np.ndarray:
-    """(9,) radiance and the mean beam; no beam if those of `rows`, which are of one kind, diverge."""
+    """(len(LIGHT),) radiance and the mean beam; no beam if those of `rows`, which are of one kind, diverge."""
     axis = np.average(emitters.beam_axis[rows], axis=0, weights=power)
     length = np.linalg.norm(axis)
     axis = axis / length if length > 0.5 else 0 * axis

@@ -11,7 +11,7 @@ from ...geometry import area_vectors, surfaces, unit
 from ...scene import RenderScene
 from .emitter_clusters import NO_SHELL, Emitters, merged, triangle
 from .outlines import convex_outline, cut
-from .pictures import CELLS, Picture, find_pictures
+from .pictures import BUT_RADIANCE, CELLS, LIGHT, Picture, find_pictures
 
 DISTANT = 15.0      # network units; an open surface beyond is a sun, which looks alike from everywhere
 MAX_EMITTERS = 96   # of a scene, as many as eight disk lamps: time and memory of direct light grow with them
@@ -87,7 +87,7 @@ def _pictures(scene: RenderScene, light: np.ndarray,
 
 def _gathered(corners: np.ndarray, light: np.ndarray, center: np.ndarray, radius: float,
               most_faces: int = 0) -> Emitters:
-    """Emitters of (N, 3, 3) triangles; light: (N, 9) radiance, beam axis, cosines, kind.
+    """Emitters of triangles (N, 3, 3) that shine with light (N, len(LIGHT)).
 
     center (3,), radius: sphere around what they light; most_faces: of a body that each become an emitter.
     """
@@ -97,31 +97,51 @@ def _gathered(corners: np.ndarray, light: np.ndarray, center: np.ndarray, radius
         vectors = area_vectors(shape)
         if not vectors.any():
             continue
-        if np.linalg.norm(shape.mean(axis=(0, 1))) > DISTANT and not _is_closed(vectors):
-            middle, area = shape.mean(axis=(0, 1)), np.linalg.norm(vectors.sum(axis=0)) / np.pi
-            spheres.append((middle, np.sqrt(area / (1 + area / (middle @ middle))), own))  # of the same solid angle
-        elif not _is_closed(vectors):
-            pieces = _pieces(shape)
-            count = max((parts for parts, rim in NARROW.items() if own[3:6].any() and own[6] > rim), default=0)
-            if count:  # each point lights what is before it
-                pieces = [(part, shell) for outline, shell in pieces for part in cut(outline, count // len(pieces))]
-            polygons += [(*piece, own) for piece in pieces]
+        if not _is_closed(vectors):
+            more = _of_open(shape, vectors, own)
         elif _surrounds(shape, vectors, center, radius):
-            polygons += [(*piece, own) for piece in _pieces(shape, MAX_AROUND)]
-        elif not own[3:6].any() and (faces := _faces(shape, vectors.astype(np.float64), most_faces)):
-            polygons += [(outline, NO_SHELL, np.concatenate([own[:3], normal, [0, 0], own[8:]]))
-                         for outline, normal in faces]
-        elif (sheet := _sheet(shape, vectors.astype(np.float64))) is not None:
-            front, gain = sheet
-            polygons += [(*piece, own * ([gain] * 3 + [1] * 6)) for piece in _pieces(front)]
+            more = [(*piece, own) for piece in _pieces(shape, MAX_AROUND)], []
         else:
-            for rows in _round_or_straight(shape, vectors):
-                some = shape[rows], vectors[rows]
-                if _is_round(*some):
-                    spheres.append((*_sphere(*some), own))
-                else:
-                    polygons += [(rectangle, NO_SHELL, own) for rectangle in _rod(*some)]
+            more = _of_body(shape, vectors, own, most_faces)
+        polygons += more[0]
+        spheres += more[1]
     return Emitters.of(polygons, spheres)
+
+
+def _of_open(shape: np.ndarray, vectors: np.ndarray, light: np.ndarray) -> tuple[list[tuple], list[tuple]]:
+    """Polygons and spheres, as of Emitters.of, of an open surface (n, 3, 3) of these area vectors (n, 3)."""
+    middle = shape.mean(axis=(0, 1))
+    if np.linalg.norm(middle) > DISTANT:
+        area = np.linalg.norm(vectors.sum(axis=0)) / np.pi
+        return [], [(middle, np.sqrt(area / (1 + area / (middle @ middle))), light)]  # of the same solid angle
+    pieces, rim = _pieces(shape), light[LIGHT["beam_cosine"]][0]
+    count = max((parts for parts, cosine in NARROW.items() if light[LIGHT["beam_axis"]].any() and rim > cosine),
+                default=0)
+    if count:  # each point lights what is before it
+        pieces = [(part, shell) for outline, shell in pieces for part in cut(outline, count // len(pieces))]
+    return [(*piece, light) for piece in pieces], []
+
+
+def _of_body(shape: np.ndarray, vectors: np.ndarray, light: np.ndarray,
+             most_faces: int) -> tuple[list[tuple], list[tuple]]:
+    """The same of a closed surface: its faces, a sheet, or spheres and rods."""
+    exact = vectors.astype(np.float64)
+    if not light[LIGHT["beam_axis"]].any() and (faces := _faces(shape, exact, most_faces)):
+        return [(outline, NO_SHELL, np.concatenate([light[LIGHT["radiance"]], normal, [0, 0], light[LIGHT["kind"]]]))
+                for outline, normal in faces], []
+    if (sheet := _sheet(shape, exact)) is not None:
+        front, gain = sheet
+        light = light.copy()
+        light[LIGHT["radiance"]] *= gain
+        return [(*piece, light) for piece in _pieces(front)], []
+    polygons, spheres = [], []
+    for rows in _round_or_straight(shape, vectors):
+        some = shape[rows], vectors[rows]
+        if _is_round(*some):
+            spheres.append((*_sphere(*some), light))
+        else:
+            polygons += [(rectangle, NO_SHELL, light) for rectangle in _rod(*some)]
+    return polygons, spheres
 
 
 def _is_closed(vectors: np.ndarray) -> bool:
@@ -131,12 +151,13 @@ def _is_closed(vectors: np.ndarray) -> bool:
 def _evened(corners: np.ndarray, light: np.ndarray, center: np.ndarray) -> np.ndarray:
     """`light` with the mean radiance on closed surfaces, so that these become spheres, unless `center` is inside."""
     light = light.copy()
-    for part in _components(corners, light[:, 3:]):
+    for part in _components(corners, light[:, BUT_RADIANCE]):
         vectors = area_vectors(corners[part])
         if _is_closed(vectors):
             middle, radius = _sphere(corners[part], vectors)
             if np.linalg.norm(middle - center) > radius:
-                light[part, :3] = np.average(light[part, :3], axis=0, weights=np.linalg.norm(vectors, axis=1))
+                radiance = light[part, LIGHT["radiance"]]
+                light[part, LIGHT["radiance"]] = np.average(radiance, axis=0, weights=np.linalg.norm(vectors, axis=1))
     return light
 
 

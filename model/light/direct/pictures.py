@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...fields import Channels
 from ...geometry import area_vectors, surfaces, unit
 from ...scene import EMISSION_SIZE, RenderScene, barycentric_grid, cells_inside
 from .outlines import convex_outline, cut, outline_vectors
@@ -14,6 +15,9 @@ CELLS = 32   # emitters that the pictures of a scene become, at most,
 FEWEST = 4   # and each of them at least: no more pictures than that are cut, the brightest ones
 UNEVEN = 8   # triangles of unequal radiance from which on a flat mesh is a picture
 FINE = 128   # triangles of a picture, of more of which each shines evenly
+# What a triangle shines with: radiance, beam (of length 0: none), and the number of its `Limits`.
+LIGHT = Channels(1, radiance=3, beam_axis=3, beam_cosine=2, kind=1)
+BUT_RADIANCE = slice(LIGHT["radiance"].stop, None)
 GRID = barycentric_grid(EMISSION_SIZE)
 INSIDE = cells_inside(EMISSION_SIZE)
 
@@ -44,7 +48,7 @@ class Picture:
 def find_pictures(scene: RenderScene, light: np.ndarray, with_meshes: bool) -> list[Picture]:
     """Those among the triangles of a scene that shine, whose emission has tiles, or `with_meshes` is uneven over many.
 
-    light: (L, 9) radiance, beam axis, cosines and kind of these. Of bodies each face is one, and of what is not
+    light: (L, len(LIGHT)) of these. Of bodies each face is one, and of what is not
     flat and convex each triangle.
     """
     rows = np.flatnonzero(scene.is_light)
@@ -52,10 +56,10 @@ def find_pictures(scene: RenderScene, light: np.ndarray, with_meshes: bool) -> l
     if not has_tile.any() and not with_meshes:
         return []
     facing = unit(area_vectors(corners)).round(3) + 0.0  # without negative zeros
-    group, pictures = surfaces(corners, np.concatenate([light[:, 3:], facing], axis=1)), []
+    group, pictures = surfaces(corners, np.concatenate([light[:, BUT_RADIANCE], facing], axis=1)), []
     order = np.argsort(group, kind="stable")
     for own in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
-        is_uneven = with_meshes and len(np.unique(light[own, :3], axis=0)) > UNEVEN
+        is_uneven = with_meshes and len(np.unique(light[own, LIGHT["radiance"]], axis=0)) > UNEVEN
         if not is_uneven and not has_tile[own].any():
             continue
         outline = convex_outline(corners[own])
