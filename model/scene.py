@@ -407,6 +407,10 @@ class RenderScene:
         """(N,) i32 row of `tiles` of the backs of triangles."""
         return self.tile_index if self.back_tile is None else self.back_tile
 
+    def tiles_met(self, token: np.ndarray, is_behind: np.ndarray) -> np.ndarray:
+        """(P,) i32 row of `tiles` of token triangles (P,), of the side that is met, from behind or not (P,)."""
+        return np.where(is_behind, self.tile_behind[token], self.tile_index[token])
+
     def seldom(self, name: str) -> np.ndarray:
         """(N,) an array of SELDOM, with its default where there is none."""
         values = getattr(self, name)

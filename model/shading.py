@@ -33,9 +33,7 @@ def surface(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,
     on_token = weights if scene.geometry is None else _nearest_weights(scene.triangles[token], point)
     x, y = texels(on_token[:, :2])
     is_behind = dot(area_vectors(corners), direction) > 0
-    tile = scene.tile_index[token] if scene.back_tile is None else np.where(
-        is_behind, scene.back_tile[token], scene.tile_index[token])
-    texel = scene.tiles[tile, :, y, x].astype(np.float32)
+    texel = scene.tiles[scene.tiles_met(token, is_behind), :, y, x].astype(np.float32)
     return shading_normals(scene, triangle, weights, direction), is_behind, texel
 
 

@@ -43,11 +43,8 @@ def _albedo_at(scene: RenderScene, tile: np.ndarray, weights: np.ndarray) -> np.
 
 def _tiles(scene: RenderScene, triangle: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """(P,) the tile of each triangle (P,), on the side of a normal (P, 3)."""
-    token = scene.surfaces.token[triangle]
-    if scene.back_tile is None:
-        return scene.tile_index[token]
     is_behind = dot(area_vectors(scene.surfaces.triangles[triangle]), normal) < 0
-    return np.where(is_behind, scene.back_tile[token], scene.tile_index[token])
+    return scene.tiles_met(scene.surfaces.token[triangle], is_behind)
 
 
 def _steps(row: np.ndarray, column: np.ndarray, position: np.ndarray, normal: np.ndarray,
