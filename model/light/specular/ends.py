@@ -25,7 +25,7 @@ from .facets import pixel_starts, rough_facets
 from .follow_paths import follow_paths
 from .glass import Cast, lost, mirrored_by_plates
 from .path_lobes import LIFT
-from .paths import BLURRED, Media, PathEnds, Sheets
+from .paths import BLURRED, Casts, Media, PathEnds, Sheets
 
 PATHS = 1 << 18  # of a lobe, at most
 CHUNK = 1 << 14  # paths that are followed at a time
@@ -86,20 +86,18 @@ def _follow(guides: Guides, scene: RenderScene, view: View, lobe: PathLobe, rows
             step: int, media: Media | None) -> PathEnds:
     """Of the paths of some pixels, every `step`-th."""
     rays = scene_rays(scene)
-    everything = rays.among(MET, lobe.ray)
     passes_sheets = guides.straight is not None and lobe.ray == Ray.TRANSMISSION
     clear, seen = (sheet_tiles(scene), rays.among(SEEN, Ray.CAMERA).closest) if passes_sheets else (None, None)
     # Where paths start at half-transparent sheets, these are not what touches glass.
     touched = MET & ~BENDING if guides.straight is None else MET & ~BENDING & ~STRAIGHT_THROUGH
-    has_glass = len(rays.rows(BENDING, lobe.ray)) > 0
-    solid, glass = (rays.among(kinds, lobe.ray).closest if has_glass else None for kinds in (touched, BENDING))
+    kinds = (MET, touched, BENDING) if len(rays.rows(BENDING, lobe.ray)) else (MET,)
+    casts = Casts(*(rays.among(kind, lobe.ray).closest for kind in kinds))
 
     def follow(rows: np.ndarray, columns: np.ndarray) -> PathEnds:
         start = pixel_starts(rows // step, columns // step) if lobe.ray == Ray.TRANSMISSION else None
-        first = _first_segments(guides, scene, view, everything.closest, rows, columns, start)
+        first = _first_segments(guides, scene, view, casts.everything, rows, columns, start)
         sheets = Sheets(clear, guides.straight[rows, columns], seen) if passes_sheets else None
-        ends = follow_paths(scene, everything.closest, first.position, first.direction, first.eye, solid, media, start,
-                            sheets, first.entry, glass)
+        ends = follow_paths(scene, casts, first.position, first.direction, first.eye, media, start, sheets, first.entry)
         ends.scale(first.factor)
         return ends
 

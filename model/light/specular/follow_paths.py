@@ -14,28 +14,25 @@ from ...shading import emission_share, seen_sky
 from ...surface_kinds import Ray
 from .glass import Cast
 from .path_lobes import LIFT
-from .paths import SURFACES, Hits, Media, PathEnds, Paths, Sheets
+from .paths import SURFACES, Casts, Hits, Media, PathEnds, Paths, Sheets
 from .scattering import scattered
 
 AT_ONCE = 3e-6     # of the longest segment, within which glass and what it stands on are met at once
 LAMPS = 4          # that do not shine on it a path passes at a time
 
 
-def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarray, eye: np.ndarray,
-                 solid: Cast | None = None, media: Media | None = None, start: np.ndarray | None = None,
-                 sheets: Sheets | None = None, entry: np.ndarray | None = None, glass: Cast | None = None) -> PathEnds:
+def follow_paths(scene: RenderScene, casts: Casts, origin: np.ndarray, direction: np.ndarray, eye: np.ndarray,
+                 media: Media | None = None, start: np.ndarray | None = None, sheets: Sheets | None = None,
+                 entry: np.ndarray | None = None) -> PathEnds:
     """Follow paths from world points (P, 3) along unit directions (P, 3); none may start at a lamp.
 
     A path that has met SURFACES surfaces ends at the last one as if that were matte, or is lost in glass. eye: (3,) or
-    (P, 3), the point from which the origins are seen. cast(origins, directions), such as `Rays.closest`, returns the
-    nearest triangle (S,) i32, -1 for none, and its distance (S,). solid: the same for everything but glass, so that
-    paths end at what glass touches; glass: for glass alone. What lies in exactly the same plane as glass is black
-    behind that, as in Cycles, whose rays go to and fro between both. media: share of light (S, 1 or 3) that gets from
-    points (S, 3) along directions (S, 3) for distances (S,). start: (P, 2) of `pixel_starts`, of refractions, which
-    meet facets of rough glass; None of reflections, which take glass for smooth. sheets: of refractions, where some
-    begin on half-transparent surfaces; what shines straight behind these is not in the light, nor are lamps that the
-    `lobe` shows. entry: (P, 3) normals of the sides at which paths have entered glass; by default, and 0, they have
-    not.
+    (P, 3), the point from which the origins are seen. What lies in exactly the same plane as glass is black behind
+    that, as in Cycles, whose rays go to and fro between both. media: share of light (S, 1 or 3) that gets from points
+    (S, 3) along directions (S, 3) for distances (S,). start: (P, 2) of `pixel_starts`, of refractions, which meet
+    facets of rough glass; None of reflections, which take glass for smooth. sheets: of refractions, where some begin on
+    half-transparent surfaces; what shines straight behind these is not in the light, nor are lamps that the `lobe`
+    shows. entry: (P, 3) normals of the sides at which paths have entered glass; by default, and 0, they have not.
     """
     ends, shines = PathEnds.none(len(origin)), scene.is_light
     none, reach = np.zeros((len(origin), 3), np.float32), np.linalg.norm(origin - eye, axis=1)
@@ -47,31 +44,30 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
     for number in range(SURFACES):
         if not len(paths.row):
             break
-        hits = _find_hits(scene, paths, cast, solid, glass, sheets)
+        hits = _find_hits(scene, paths, casts, sheets)
         if media is not None:
             until = np.where(hits.triangle < 0, np.inf, hits.distance)
             paths.tint = paths.tint * media(paths.origin, paths.direction, until)
         goes_on = (hits.triangle >= 0) & ~shines[scene.surfaces.token[hits.triangle]]
         past = paths.among(~goes_on)
         ends.light[past.row] = past.tint * _arriving(scene, past, hits.among(~goes_on))
-        paths = scattered(scene, cast, paths.among(goes_on), hits.among(goes_on), sheets, number, ends)
+        paths = scattered(scene, casts.everything, paths.among(goes_on), hits.among(goes_on), sheets, number, ends)
     return ends
 
 
-def _find_hits(scene: RenderScene, paths: Paths, cast: Cast, solid: Cast | None, glass: Cast | None,
-          sheets: Sheets | None) -> Hits:
+def _find_hits(scene: RenderScene, paths: Paths, casts: Casts, sheets: Sheets | None) -> Hits:
     """Arguments as of `follow_paths`."""
-    triangle, distance = _met(scene, cast, paths.origin, paths.direction, paths.reach)
+    triangle, distance = _met(scene, casts.everything, paths.origin, paths.direction, paths.reach)
     if sheets is not None and (rows := paths.is_straight).any():
         triangle[rows], distance[rows] = sheets.seen(paths.origin[rows], paths.direction[rows])[:2]
-    if solid is not None:
-        touched, gap = solid(paths.before, paths.direction)[:2]
+    if casts.solid is not None:
+        touched, gap = casts.solid(paths.before, paths.direction)[:2]
         touches = (touched >= 0) & (gap < 3 * LIFT * paths.reach)
         triangle, distance = np.where(touches, touched, triangle), np.where(touches, 0, distance)
     is_dark = np.zeros(len(triangle), bool)
-    if glass is not None:
+    if casts.glass is not None:
         rows = np.flatnonzero(paths.ray == Ray.TRANSMISSION)
-        wall, to_wall = _met_at_once(solid, glass, *(
+        wall, to_wall = _met_at_once(casts, *(
             x[rows] for x in (paths.origin, paths.direction, distance, paths.reach)))
         rows, wall, to_wall = (x[wall >= 0] for x in (rows, wall, to_wall))
         triangle[rows], distance[rows], is_dark[rows] = wall, to_wall, True
@@ -96,13 +92,13 @@ def _met(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarr
     return triangle, distance
 
 
-def _met_at_once(solid: Cast, glass: Cast, origin: np.ndarray, direction: np.ndarray, distance: np.ndarray,
+def _met_at_once(casts: Casts, origin: np.ndarray, direction: np.ndarray, distance: np.ndarray,
                  reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The triangle (P,) of what is in one plane with glass where both are met first, -1 where nothing is; its distance.
 
     distance: (P,), of what is met first.
     """
-    (wall, to_wall), (pane, to_pane) = (met(origin, direction)[:2] for met in (solid, glass))
+    (wall, to_wall), (pane, to_pane) = (met(origin, direction)[:2] for met in (casts.solid, casts.glass))
     is_both = (wall >= 0) & (pane >= 0)
     gap, longest = np.where(is_both, to_wall, 0) - np.where(is_both, to_pane, np.inf), np.maximum(reach, distance)
     is_first = to_wall <= distance + AT_ONCE * longest

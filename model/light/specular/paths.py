@@ -17,6 +17,15 @@ SHARP, BLURRED = 0.15, 0.35  # roughness up to which a reflection is an image, a
 Media = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
+class Casts(NamedTuple):
+    """What paths meet, each a function from origins and unit directions (S, 3), such as `Rays.closest`, to the nearest
+    triangles (S,) i32, -1 for none, and their distances (S,)."""
+
+    everything: Cast
+    solid: Cast | None = None  # everything but glass, so that paths end at what glass touches
+    glass: Cast | None = None  # glass alone, where something may lie in one plane with it
+
+
 @dataclass
 class PathEnds:
     """Where P specular paths end: at matte or rough surfaces, lamps, or the sky."""

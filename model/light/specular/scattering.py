@@ -26,7 +26,7 @@ def scattered(scene: RenderScene, cast: Cast, paths: Paths, hits: Hits, sheets: 
               ends: PathEnds) -> Paths:
     """The paths that go on from the surfaces that they meet, those of that number; `ends` becomes what they show here.
 
-    cast, sheets: as of `follow_paths`.
+    cast: of everything; sheets: as of `follow_paths`.
     """
     point = paths.origin + hits.distance[:, None] * paths.direction
     met = MetSurfaces.at(scene, hits.triangle, point, paths.direction, paths.tint)

@@ -9,7 +9,7 @@ from renderformer_v2.model.geometry import reflected, refracted
 from renderformer_v2.model.light.specular.facets import pixel_starts
 from renderformer_v2.model.light.specular.follow_paths import follow_paths
 from renderformer_v2.model.light.specular.glass import mirrored_by_plates
-from renderformer_v2.model.light.specular.paths import SURFACES, PathEnds
+from renderformer_v2.model.light.specular.paths import SURFACES, Casts, PathEnds
 from renderformer_v2.model.material.reflectance import fresnel
 from renderformer_v2.model.scene import EMISSION_SIZE, RenderScene, constant_tile
 
@@ -56,7 +56,7 @@ def ends(scene: RenderScene, direction=(1.0, 0.0, 0.0), error=0.0):
         triangle, distance = exact(origins, rays)
         return triangle, np.maximum(distance - error, 0)
 
-    return follow_paths(scene, cast, np.zeros((1, 3)), ray / np.linalg.norm(ray), eye=np.float32((-5, 0, 0)))
+    return follow_paths(scene, Casts(cast), np.zeros((1, 3)), ray / np.linalg.norm(ray), eye=np.float32((-5, 0, 0)))
 
 
 def shown(found: PathEnds) -> np.ndarray:
@@ -119,7 +119,7 @@ def test_a_rough_metal_ends_a_path_with_its_lobe():
 def test_what_glass_shows_has_a_lobe_in_the_colour_of_the_glass(tile, color, f0):
     pane = constant_tile((0.25, 1, 1), roughness=0.0, ior=1.0, transmission=1.0)
     scene, ray = walls((1, 1, pane), (4, -1, tile)), np.float64([(0.8, 0.6, 0)])
-    gloss = follow_paths(scene, along_x(scene), np.zeros((1, 3)), ray, np.float32((-5, 0, 0)),
+    gloss = follow_paths(scene, Casts(along_x(scene)), np.zeros((1, 3)), ray, np.float32((-5, 0, 0)),
                          start=np.zeros((1, 2), np.float32)).gloss
     np.testing.assert_allclose(gloss.position, [(4, 3, 0)], atol=2e-3)
     np.testing.assert_allclose(gloss.normal, [(-1, 0, 0)], atol=1e-5)
@@ -258,7 +258,8 @@ def test_a_path_ends_at_what_glass_stands_on_whichever_of_both_a_ray_happens_to_
     def of_solid(origins, rays):
         triangle, distance = beyond(origins, rays)
         return np.where(triangle >= 0, triangle + 4, -1), distance
-    without, found = (follow_paths(scene, cast, start, ray, np.float32((-5, 0, 0)), each) for each in (None, of_solid))
+    without, found = (follow_paths(scene, Casts(cast, solid), start, ray, np.float32((-5, 0, 0)))
+                      for solid in (None, of_solid))
     np.testing.assert_allclose(shown(without), [np.divide(GOLD, 1.04)], atol=1e-3)  # as a plate mirrors twice
     np.testing.assert_allclose(shown(found), [np.divide(RED, 1.04)], atol=1e-3)
 
@@ -270,8 +271,8 @@ def test_what_lies_in_one_plane_with_glass_is_black_behind_it_as_in_cycles(gap, 
     panes, wall = (replace(scene, triangles=scene.triangles.copy()) for _ in range(2))
     panes.triangles[4:], wall.triangles[:4] = -9, -9  # behind all
     start, ray = np.zeros((1, 3)), np.float64([(1, 0, 0)])
-    begins = along_x(scene), start, ray, np.float32((-5, 0, 0)), along_x(wall)
-    found = follow_paths(scene, *begins, start=pixel_starts(*np.zeros((2, 1))), glass=along_x(panes))
+    casts = Casts(*map(along_x, (scene, wall, panes)))
+    found = follow_paths(scene, casts, start, ray, np.float32((-5, 0, 0)), start=pixel_starts(*np.zeros((2, 1))))
     np.testing.assert_allclose(shown(found), [color], atol=1e-3)
 
 
@@ -279,7 +280,7 @@ def test_lamps_in_a_mirror_that_a_mirror_or_glass_shows_are_left_to_its_highligh
     mirror = constant_tile(GOLD, metallic=1.0, roughness=0.1)
     scene, origin = walls((2, -1, mirror), (-1, 1, constant_tile()), shines=True), np.zeros((1, 3))
     ray = np.float64([(1, 0, 0)])
-    mirrored, through = (follow_paths(scene, along_x(scene), origin, ray, np.float32((-5, 0, 0)), start=start)
+    mirrored, through = (follow_paths(scene, Casts(along_x(scene)), origin, ray, np.float32((-5, 0, 0)), start=start)
                          for start in (None, np.zeros((1, 2), np.float32)))
     assert not mirrored.gloss.color.any() and not through.lobe.color.any()
     for found, lobe in (mirrored, mirrored.lobe), (through, through.gloss):
@@ -295,7 +296,7 @@ def through_back(roughness: float, shines: bool = False) -> PathEnds:
     scene = walls((1, 1, back), (4, -1, constant_tile(RED)), shines=shines)
     rows, columns = (x.ravel() for x in np.mgrid[:5, :5])
     rays = np.broadcast_to(np.float64((1, 0, 0)), (25, 3))
-    return follow_paths(scene, along_x(scene), np.zeros((25, 3)), rays, np.float32((-5, 0, 0)),
+    return follow_paths(scene, Casts(along_x(scene)), np.zeros((25, 3)), rays, np.float32((-5, 0, 0)),
                         start=pixel_starts(rows, columns))
 
 
@@ -332,7 +333,8 @@ def test_glass_has_a_lobe_where_its_inside_mirrors_paths_back_out():
     for roughness, metallic in (0.0, 0.0), (0.3, 0.0), (0.3, 0.4):
         glass = constant_tile((1, 1, 1), roughness=roughness, ior=1.5, transmission=1.0, metallic=metallic)
         scene = walls((-1, -1, glass), (1, 1, glass), (4, -1, constant_tile(RED)))
-        inner = follow_paths(scene, along_x(scene), np.zeros((1, 3)), np.float64([(1, 0, 0)]), np.float32((-0.5, 0, 0)),
+        start, ray, eye = np.zeros((1, 3)), np.float64([(1, 0, 0)]), np.float32((-0.5, 0, 0))
+        inner = follow_paths(scene, Casts(along_x(scene)), start, ray, eye,
                              start=pixel_starts(*np.zeros((2, 1), int))).other
         np.testing.assert_allclose(inner.position, [(-1, 0, 0)], atol=2e-3)
         np.testing.assert_allclose(inner.normal, [(-1, 0, 0)], atol=1e-3)
@@ -358,6 +360,7 @@ def test_a_path_passes_the_back_of_a_lamp():
 def test_what_is_seen_through_a_medium_is_dimmed_by_the_length_of_every_segment():
     mirror = constant_tile(GOLD, metallic=1.0, roughness=0.1)
     scene, start, ray = walls((2, -1, mirror), (-1, 1, constant_tile())), np.zeros((1, 3)), np.float64([(1, 0, 0)])
-    clear, dimmed = (follow_paths(scene, along_x(scene), start, ray, np.float32((-5, 0, 0)), media=each) for each in (
+    casts, eye = Casts(along_x(scene)), np.float32((-5, 0, 0))
+    clear, dimmed = (follow_paths(scene, casts, start, ray, eye, media=each) for each in (
         None, lambda begin, direction, distance: np.exp(-distance[:, None] * np.float32((0.1, 0.2, 0.3)))))
     np.testing.assert_allclose(shown(dimmed) / shown(clear), [np.exp(-5 * np.float32((0.1, 0.2, 0.3)))], rtol=1e-3)
