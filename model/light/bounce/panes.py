@@ -79,41 +79,54 @@ class Panes:
     def behind(self, origin: Tensor, direction: Tensor, distance: Tensor) -> BehindGlass:
         """Of N rays, which hit glass within their distances (N,), infinite for those that hit nothing else."""
         ray = self._around.is_near(origin, direction, distance).nonzero()[:, 0]  # waits for a GPU
+        with part(0.0, 1 / SURFACES):
+            hit, pane, travelled = self._next_pane(origin[ray], direction[ray], 0.0, distance[ray])
+        ray = ray[hit]
         origin, direction, distance = (x[ray] for x in (origin, direction, distance))
-        row, travelled = None, 0.0
-        for surface in range(SURFACES):
-            begin = travelled + GAP
-            with part(surface / SURFACES, (surface + 1) / SURFACES):
-                pane, step, _ = self.surfaces.nearest(origin + begin * direction, direction)
-            travelled = begin + step[:, None]
-            hit = ((pane >= 0) & (travelled[:, 0] < distance)).nonzero()[:, 0]  # waits for a GPU
-            pane, travelled, origin, direction, distance = (x[hit] for x in (pane, travelled, origin, direction,
-                                                                             distance))
-            if row is None:
-                row, along, to_sky = torch.arange(len(hit), device=hit.device), direction, distance.isinf()
-                ray = ray[hit]
-                transmittance, passed = torch.ones_like(along), torch.ones_like(along[:, :1])
-                facing = -dot(self._normal[pane], direction).sign()[:, None] * self._normal[pane]
-                begin_mirrored = origin + travelled * direction + LIFT * facing
-                is_inside, from_within = torch.zeros_like(to_sky), dot(self._normal[pane], direction) > 0
-            else:
-                row = row[hit]
-            cosine, token = dot(self._normal[pane], direction), self._token[pane]
+        transmittance, passed = self._transmittances(origin, direction, distance, pane, travelled)
+        light, to_sky = torch.zeros_like(direction), distance.isinf()
+        if self.environment is not None:
+            sky = self.environment.filtered(direction, torch.full_like(direction[:, 0], BLUR))
+            light = transmittance * sky * to_sky[:, None]
+        cosine = dot(self._normal[pane], direction)
+        facing = -cosine.sign()[:, None] * self._normal[pane]
+        begin = origin + travelled * direction + LIFT * facing
+        onward = direction - 2 * dot(direction, facing)[:, None] * facing
+        mirrored = torch.where((cosine > 0)[:, None], WITHIN, MIRRORED) * (1 - passed)
+        mirroring = to_sky.nonzero()[:, 0]  # waits for a GPU
+        return BehindGlass(ray, light, transmittance, *(x[mirroring] for x in (ray, begin, onward, mirrored)))
+
+    def _next_pane(self, origin: Tensor, direction: Tensor, travelled: Tensor | float,
+                   distance: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Of R rays that have travelled so far (R, 1), those that hit glass within their distances (R,): their rows,
+        the triangles, and how far they have travelled then (H, 1)."""
+        begin = travelled + GAP
+        pane, step, _ = self.surfaces.nearest(origin + begin * direction, direction)
+        travelled = begin + step[:, None]
+        hit = ((pane >= 0) & (travelled[:, 0] < distance)).nonzero()[:, 0]  # waits for a GPU
+        return hit, pane[hit], travelled[hit]
+
+    def _transmittances(self, origin: Tensor, direction: Tensor, distance: Tensor, pane: Tensor,
+                        travelled: Tensor) -> tuple[Tensor, Tensor]:
+        """Share of light that passes all glass on M rays, (M, 3), and without its tints, (M, 1).
+
+        pane: (M,) triangles where they meet the first, which is as far (M, 1) as they have travelled.
+        """
+        transmittance, passed = torch.ones_like(direction), torch.ones_like(direction[:, :1])
+        row, is_inside = torch.arange(len(pane), device=pane.device), torch.zeros_like(pane, dtype=torch.bool)
+        for surface in range(1, SURFACES + 1):
+            cosine, token = dot(self._normal[pane], direction[row]), self._token[pane]
             leaves = cosine > 0
             case = torch.where(leaves, torch.where(is_inside[row], THROUGH_BACK, LEAVING), ENTERING)
             passes = transmittance_at(cosine.abs(), self._transmittance[token, case])
             transmittance[row] *= passes[:, None] * self._tint[token]
             passed[row] *= passes[:, None]
             is_inside[row] = ~leaves
-        light = torch.zeros_like(along)
-        if self.environment is not None:
-            sky = self.environment.filtered(along, torch.full_like(along[:, 0], BLUR))
-            light = transmittance * sky * to_sky[:, None]
-        mirroring = to_sky.nonzero()[:, 0]  # waits for a GPU
-        onward = along - 2 * dot(along, facing)[:, None] * facing
-        mirrored = torch.where(from_within[:, None], WITHIN, MIRRORED) * (1 - passed)
-        return BehindGlass(ray, light, transmittance, ray[mirroring], *(
-            x[mirroring] for x in (begin_mirrored, onward, mirrored)))
+            if surface < SURFACES:
+                with part(surface / SURFACES, (surface + 1) / SURFACES):
+                    hit, pane, travelled = self._next_pane(origin[row], direction[row], travelled, distance[row])
+                row = row[hit]
+        return transmittance, passed
 
 
 def token_transmittances(scene: RenderScene) -> np.ndarray:
