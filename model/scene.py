@@ -253,7 +253,7 @@ class Fire:
 
 SELDOM = {"light_bounces": np.uint8(ANY), "lit_groups": np.uint64(ALL_GROUPS),
           "blockers": np.uint64(ALL_GROUPS), "group": np.uint8(0), "is_holdout": np.False_, "shadow_tile": np.int32(-1),
-          "is_rough_guess": np.False_, "emission_tile": np.int32(-1)}
+          "is_rough_guess": np.False_, "emission_tile": np.int32(-1), "softened": np.float32(1)}
 
 
 @dataclass
@@ -290,6 +290,9 @@ class RenderScene:
     blockers: np.ndarray | None = array("N", dtype=np.uint64, default="none")
     # Of lamps, whether they shine in other directions, or fall off otherwise, than beams and squares say; None = no
     is_rough_guess: np.ndarray | None = array("N", dtype=np.bool_, default="none")
+    # Of lamps with Soft Falloff, which shine as a disk that faces each place: the factor of that at the middle of the
+    # scene, which is in their emission already; None = 1, of all others
+    softened: np.ndarray | None = array("N", default="none")
     group: np.ndarray | None = array("N", dtype=np.uint8, default="none")  # of surfaces; None = 0
     is_holdout: np.ndarray | None = array("N", dtype=np.bool_, default="none")  # cuts a hole into the film; None = no
     # Row of `tiles` that a camera sees where that differs from what light meets; None = the same

@@ -57,7 +57,7 @@ class EmitterLight:
         emitters = gather_emitters(scene)
         self.radiance = torch.as_tensor(emitters.radiance, dtype=torch.float32, device=device)
         self._limits = Limits(*(values[emitters.kind] for values in Limits.of(scene)[0]))
-        self.shapes = EmitterShapes(emitters, self._limits.is_lamp == 0, device)
+        self.shapes = EmitterShapes(emitters, self._limits.is_lamp == 0, self._limits.is_soft > 0, device)
         self._shadows = EmitterShadows(scene, self.shapes, self._limits, fog, cutouts)
         self._maps = PictureMaps(emitters.pictures, emitters.cells, device) if emitters.pictures else None
         self._divide()

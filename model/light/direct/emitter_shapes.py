@@ -41,7 +41,7 @@ LONG = 5.0         # times that a side of an emitter is longer than another, fro
 IN_PLANE = 1e-3    # network units above the plane of a point up to which a polygon lies in it
 LARGE_SINE2 = 3e-3  # of a polygon, from which on what the horizon leaves of it is exact
 # Fields of EmitterShapes that have a row for each emitter.
-OF_POLYGONS, OF_SPHERES = ("corners", "rings", "_points", "_is_long", "_fan"), ("centers", "radii")
+OF_POLYGONS, OF_SPHERES = ("corners", "rings", "_points", "_is_long", "_fan"), ("centers", "radii", "_beyond2")
 OF_ALL = ("origins", "reach", "is_distant", "beam_axis", "beam_cosine", "outward", "is_surface")
 
 
@@ -50,12 +50,14 @@ class EmitterShapes:
 
     origins (E, 3): their middles; reach (E,): of their farthest corner from there; is_distant (E,) bool: light of such,
     suns, is parallel; beam_axis, beam_cosine: as of Emitters; outward (E, 3): as there, zeros for spheres; is_surface
-    (E,) bool: a mesh shines, no lamp.
+    (E,) bool: a mesh shines, no lamp; is_soft (E,) bool: a ball is as large as a disk that faces each place.
     """
 
-    def __init__(self, emitters: Emitters, is_surface: np.ndarray, device: torch.device | str):
+    def __init__(self, emitters: Emitters, is_surface: np.ndarray, is_soft: np.ndarray,
+                 device: torch.device | str):
         to_tensor = lambda x: torch.as_tensor(x, dtype=torch.float32, device=device)  # noqa: E731
         self.corners, self.centers, self.radii = map(to_tensor, (emitters.corners, emitters.centers, emitters.radii))
+        self._beyond2 = self.radii.square() * to_tensor(is_soft[len(emitters.corners):])
         self.rings = to_tensor(rings(emitters.corners))
         points = self._points = ring_points(self.rings)
         edges = self.rings[..., 3:6].norm(dim=-1)
@@ -90,7 +92,7 @@ class EmitterShapes:
         points, polygons = x, len(self.corners)
         x = x.T[..., None] * ~self.is_distant  # light of suns is parallel
         of_polygons = polygon_directions(self.corners, x[..., :polygons])
-        of_spheres = sphere_directions(self.centers, self.radii, x[..., polygons:])
+        of_spheres = sphere_directions(self.centers, self.radii, self._beyond2, x[..., polygons:])
         direction, sine2 = (torch.cat(both, -1) for both in zip(of_polygons, of_spheres, strict=True))
         in_beam = beam(direction, sine2, self.beam_axis, self.beam_cosine)
         if n is not None and polygons:
@@ -178,9 +180,9 @@ class EmitterShapes:
             vectors = self._points[polygon] - origin[:, None]
             long = self._is_long[polygon].nonzero()[:, 0]
             vectors[long] = _as_seen(self.rings[polygon[long]], origin[long, None])
-        radius = F.pad(self.radii, (polygons, 0))[emitter]
+        radius, beyond2 = (F.pad(values, (polygons, 0))[emitter] for values in (self.radii, self._beyond2))
         sphere = self.origins[emitter] - origin
-        across = radius / (dot(sphere, sphere) - radius.square()).clamp_min(1e-12).sqrt()
+        across = radius / (dot(sphere, sphere) + beyond2 - radius.square()).clamp_min(1e-12).sqrt()
         towards = unit(sphere)
         around = torch.from_numpy(CIRCLE).to(x.device) @ local_basis(towards)[:, :2]
         of_sphere = towards[:, None] + across[:, None, None] * around

@@ -42,11 +42,13 @@ class Limits(NamedTuple):
     groups: np.ndarray   # (K,) u64, of surfaces that it falls on
     blockers: np.ndarray  # (K,) u64, groups of surfaces that stop it
     is_lamp: np.ndarray  # (K,) bool, that no camera sees them: all others hide none of their light from each other
+    is_soft: np.ndarray  # (K,) bool, that balls are disks that face each place
 
     @classmethod
     def of(cls, scene: RenderScene) -> tuple[Limits, np.ndarray]:
         """And the kind (L,) of each triangle that shines."""
-        each = cls(scene.hidden_from, *map(scene.seldom, ("light_bounces", "lit_groups", "blockers")), ~scene.is_seen)
+        each = cls(scene.hidden_from, *map(scene.seldom, ("light_bounces", "lit_groups", "blockers")), ~scene.is_seen,
+                   scene.seldom("softened") < 1)
         table = np.stack([values[scene.is_light].astype(np.uint64) for values in each], axis=1)
         rows, kind = np.unique(table, axis=0, return_inverse=True)
         return cls(*rows.T), kind.reshape(-1)
@@ -61,7 +63,8 @@ def gather_emitters(scene: RenderScene) -> Emitters:
     rows = np.flatnonzero(scene.is_light)
     corners = scene.triangles[rows]
     kind = Limits.of(scene)[1][:, None]
-    light = np.concatenate([scene.emission[rows], scene.beam_axis[rows], scene.beam_cosine[rows], kind], axis=1)
+    emission = scene.emission[rows] / scene.seldom("softened")[rows, None]
+    light = np.concatenate([emission, scene.beam_axis[rows], scene.beam_cosine[rows], kind], axis=1)
     center, radius = _bounding_sphere(scene)
     pictures, rest, cells = _pictures(scene, light)
     emitters = _gathered(corners[rest], light[rest], center, radius, MAX_FACES)

@@ -38,11 +38,14 @@ def polygon_directions(corners: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
     return vector * (facing / size.clamp_min(1e-19)), size / (2 * math.pi)
 
 
-def sphere_directions(centers: Tensor, radii: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
-    """The same of spheres, centers (E, 3), radii (E,)."""
+def sphere_directions(centers: Tensor, radii: Tensor, beyond2: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
+    """The same of spheres, centers (E, 3), radii (E,), and of disks that face each point.
+
+    beyond2: (E,) added to squared distances: 0 of spheres, radii^2 of disks, which look as large as their rims.
+    """
     ray = centers.T[:, None] - x
     distance2 = dot(ray, ray, 0)
-    return ray / distance2.clamp_min(1e-20).sqrt(), radii**2 / torch.maximum(distance2, radii**2)
+    return ray / distance2.clamp_min(1e-20).sqrt(), radii**2 / torch.maximum(distance2 + beyond2, radii**2)
 
 
 def cosines(direction: Tensor, vector: Tensor) -> Tensor:

@@ -118,10 +118,12 @@ def _ball(lamp: PlacedLamp, cones: list[Cone], half_angle: float) -> RenderScene
     """A ball for each beam, and a black shade that makes the cone for a network that does not know beams."""
     size = _ball_radius(lamp)
     triangles = shapes.ball(size, lamp.detail.ball_faces)
-    scene = DARK
+    scene, softened = DARK, _softened(lamp)
     for strength, axis, cosines in cones:
-        radiance = _softened(lamp) * ball_power(lamp.light, strength) / (math.pi * shapes.area(triangles))
+        radiance = softened * ball_power(lamp.light, strength) / (math.pi * shapes.area(triangles))
         scene = scene.appended(shining(lamp.to_world(triangles), radiance, lamp.frame @ axis, cosines))
+    if softened < 1:
+        scene = replace(scene, softened=np.full(len(scene), softened, np.float32))
     if lamp.light_output.directions is not None:
         half_angle = min(half_angle, find_half_angle(lamp.light_output.directions))
     if half_angle > WIDEST_SHADE and lamp.light.type != "SPOT":

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The closed forms of direct light against brute-force integration."""
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -88,6 +89,16 @@ def test_closed_polyhedron_shines_like_a_sphere_of_equal_area():
     assert len(emitters.corners) == 0 and len(emitters.radii) == 1
     area = 8 * math.sqrt(3) / 4 * (math.sqrt(2) * 0.05) ** 2
     assert diffuse(lit_by(corners), (0, 0, 0), (0, 0, 1))[0] == pytest.approx(area / 4 / math.pi, rel=0.01)
+
+
+@pytest.mark.parametrize("height", [0.1, 0.4, 2.0])
+def test_a_lamp_of_soft_falloff_shines_as_a_disk_that_faces_each_place(height):
+    """Also on what is within its radius."""
+    scene = lit_by(OCTAHEDRON * 0.3 + [0, 0, height], radiance=(0.5, 0.5, 0.5))
+    soft = replace(scene, softened=np.full(len(scene), 0.5, np.float32))
+    radius2 = 0.3 ** 2 * math.sqrt(3) / math.pi  # of the sphere of its area
+    share = radius2 / (radius2 + height ** 2)
+    assert diffuse(soft, (0, 0, 0), (0, 0, 1)) == pytest.approx([share] * 3, rel=0.01)
 
 
 def test_beam_limits_a_lamp_to_its_cone():

@@ -64,6 +64,16 @@ def test_lamp_is_as_bright_as_in_cycles(settings, scale):
         assert len(coarse) <= 20 and len(coarse) < len(converted(obj)) or obj.data.type == "AREA"
 
 
+@pytest.mark.parametrize("kind", ["POINT", "SPOT"])
+def test_estimates_know_what_soft_falloff_takes_from_the_emission(kind):
+    empty_cycles_scene()
+    hard, soft = (converted(lamp(kind, POSE, energy=100, shadow_soft_size=0.8, use_soft_falloff=is_soft))
+                  for is_soft in (False, True))
+    factor = soft.seldom("softened")[soft.is_light, None]
+    assert (hard.seldom("softened") == 1).all() and (factor < 1).all()
+    np.testing.assert_allclose(soft.emission[soft.is_light] / factor, hard.emission[hard.is_light], rtol=1e-5)
+
+
 def test_a_lamp_of_infinite_strength_gives_no_light_as_in_cycles():
     empty_cycles_scene()
     report = Report()
