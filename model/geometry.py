@@ -8,6 +8,8 @@ import numpy as np
 
 from . import progress
 
+LEAST_IOR = 0.4  # of glass, over that of what is around it: air in glass of 2.5
+
 
 def area_vectors(corners: np.ndarray) -> np.ndarray:
     """(..., 3, 3) corners -> (..., 3): the triangle's normal times its area."""
@@ -163,9 +165,10 @@ def reflected(ray, normal):
 def refracted(ray: np.ndarray, normal: np.ndarray, ior: np.ndarray, inside: np.ndarray) -> np.ndarray:
     """Unit rays (P, 3) behind a surface whose unit normals (P, 3) face them; mirrored where nothing passes.
 
-    ior: (P,) of the medium behind the surface's front; inside: (P,), whether the rays come from within.
+    ior: (P,) of the medium behind the surface's front, over that before it; inside: (P,), whether the rays come from
+    within.
     """
-    ior = np.maximum(ior, 1.0)
+    ior = np.maximum(ior, LEAST_IOR)
     ratio = np.where(inside, ior, 1 / ior)
     cosine = -dot(ray, normal)
     rest = 1 - ratio**2 * (1 - cosine**2)

@@ -35,7 +35,8 @@ TILE = Channels(  # of a material tile: BSDF parameters, tangent-space normal, d
     base_color=(3, COLOR),  # scene-linear albedo, [0, 1]; more where a surface reflects more than arrives
     metallic=1,             # [0, 1]
     roughness=1,            # Blender's perceptual roughness, [0, 1]
-    ior=1,                  # effective index at Specular IOR Level 1 (docs/scene-input.md 3.3), [1, 2.5]
+    ior=1,                  # effective index at Specular IOR Level 1 (docs/scene-input.md 3.3), [1, 2.5]; of glass
+                            # also less, from 0.4 on: air in water has 0.75
     transmission=1,         # [0, 1]
     normal=3,               # 2 * map - 1; (0, 0, 1) when there is no map
     height=(1, DISPLACEMENT),  # displacement / (0.025 world units) in [-1, 1]; 0 when there is none
@@ -57,7 +58,7 @@ ANY = 255                  # bounces: no limit
 ALL_GROUPS = 2 ** 64 - 1   # of surfaces
 HALF_SPACE = 0.0, 1e-3     # cosines of a beam that is everything in front of a flat light
 TRANSPARENT = 0.5          # transmission from which on light passes
-STRAIGHT = 1.05            # ior up to which it passes without a bend
+STRAIGHT = 1.05            # ior up to which it passes without a bend, and from the inverse of which on
 CELLS, VOXELS = 8, 4  # of a volume's box along each axis, and of a cell
 
 
@@ -435,7 +436,8 @@ class RenderScene:
         if self.clear is not None:
             return self.clear
         clear, rows = np.zeros((len(self.tiles), 3), np.float32), np.flatnonzero(passing(self.tiles) > TRANSPARENT)
-        rows = rows[self.tiles[rows, IOR].mean(axis=(1, 2), dtype=np.float32) < STRAIGHT]
+        ior = self.tiles[rows, IOR].mean(axis=(1, 2), dtype=np.float32)
+        rows = rows[np.maximum(ior, 1 / ior.clip(1e-3)) < STRAIGHT]
         clear[rows] = tile_tints(self.tiles[rows])
         return clear
 

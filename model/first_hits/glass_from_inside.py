@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..camera import view_rays_at
-from ..geometry import area_vectors, dot
+from ..geometry import LEAST_IOR, area_vectors, dot
 from ..material.reflectance import fresnel
 from ..scene import BASE_COLOR, IOR, TRANSMISSION, Guides, RenderScene, View, texels, tint_of_glass
 
@@ -34,7 +34,7 @@ def with_reflectance(guides: Guides, scene: RenderScene, view: View) -> Guides:
         guides.normal, guides.hit_barycentric, guides.alpha))
     x, y = texels(weights)
     texel = scene.tiles[scene.tile_index[token], :, y, x].astype(np.float32)
-    share, clear = fresnel(-dot(rays, normal), 1 / texel[:, IOR].clip(1))[:, None], texel[:, TRANSMISSION, None]
+    share, clear = fresnel(-dot(rays, normal), 1 / texel[:, IOR].clip(LEAST_IOR))[:, None], texel[:, TRANSMISSION, None]
     glossy, transmission = guides.glossy_color.copy(), guides.transmission_color.copy()
     of_pixels = glossy.reshape(-1, 3)
     of_pixels[pixel] = clear * share * coverage + (1 - clear) * of_pixels[pixel]

@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from ..geometry import unit
+from ..geometry import LEAST_IOR, unit
 
 LAYERS = np.float64([0.0025, 0.01, 0.04, 0.09])  # f0 of dielectrics in tables: of IOR 1.1, 1.2, 1.5 and 1.9
 LEAST_LAYER = 5e-3  # f0 from which on a layer reflects everything at grazing angles
@@ -24,7 +24,7 @@ def normal_reflectance(ior: np.ndarray) -> np.ndarray:
 
 def layer_reflectance(ior: np.ndarray, transmission: np.ndarray) -> np.ndarray:
     """The same of a tile that transmits so much: glass reflects by its IOR alone, half as much as Level 1 means."""
-    return normal_reflectance(ior.clip(1)) * (1 - transmission / 2)
+    return normal_reflectance(ior.clip(LEAST_IOR)) * (1 - transmission / 2)
 
 
 def blurred(roughness: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from ..camera import view_rays
 from ..fields import COLOR, DIRECTION, EULER, LENGTH, PANORAMA, POINT, array
-from ..scene import BASE_COLOR, HEIGHT, NORMAL, RenderScene, View, Volumes, constant_tile
+from ..scene import BASE_COLOR, HEIGHT, IOR, NORMAL, RenderScene, View, Volumes, constant_tile
 from ..tensor_group import TensorGroup
 
 
@@ -91,7 +91,8 @@ def material_tiles(pooled: Tensor, mapper) -> Tensor:
     mapper: (P, 7) BSDF parameters -> (P, 9) latents.
     """
     parameters = pooled[:, : NORMAL.start].clone()
-    parameters[:, BASE_COLOR].clamp_(max=1)  # no mapper was trained with more
+    parameters[:, BASE_COLOR].clamp_(max=1)  # no mapper was trained with more,
+    parameters[:, IOR].clamp_(min=1)         # or with less
     parameters = parameters.flatten(2).transpose(1, 2)  # (T, q^2, 7)
     constant = (parameters == parameters[:, :1]).all(2).all(1)
     with torch.no_grad():

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from ...geometry import area_vectors, dot, reflected, refracted, unit
+from ...geometry import LEAST_IOR, area_vectors, dot, reflected, refracted, unit
 from ...material.reflectance import blurred, fresnel, unmasked, visible_facets
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
 from ...scene_rays import RaysAmong, scene_rays
@@ -121,7 +121,7 @@ def _bend(scene: RenderScene, row: np.ndarray, at: np.ndarray, ray: np.ndarray,
     normal, inside, texel = surface(scene, row, at, ray)
     side = side_normals(scene, row, ray)
     normal = bent_to_reflect(normal, side, ray)
-    ior, alpha = texel[:, IOR].clip(1), blurred(texel[:, ROUGHNESS]) ** 2
+    ior, alpha = texel[:, IOR].clip(LEAST_IOR), blurred(texel[:, ROUGHNESS]) ** 2
     facet = visible_facets(normal, ray, alpha, chance[:, :2])
     share, metallic = fresnel(-dot(ray, facet), np.where(inside, 1 / ior, ior)), texel[:, METALLIC]
     mirrors = metallic + (1 - metallic) * share

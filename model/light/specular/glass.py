@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ...geometry import dot, refracted
+from ...geometry import LEAST_IOR, dot, refracted
 from ...material.reflectance import fresnel
 from ...scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, RenderScene, tint_of_glass
 from ...shading import surface
@@ -44,7 +44,7 @@ def passed_plates(entry: np.ndarray, normal: np.ndarray, ray: np.ndarray, ior: n
     1 where these are not parallel: what is mirrored there leaves elsewhere, and as much comes from elsewhere. All
     normals face the rays (P, 3).
     """
-    mirrored = fresnel(-dot(ray, normal), 1 / ior.clip(1))
+    mirrored = fresnel(-dot(ray, normal), 1 / ior.clip(LEAST_IOR))
     return np.where(dot(entry, normal) > PARALLEL, 1 / (1 + mirrored), 1)
 
 
@@ -63,7 +63,7 @@ def mirrored_by_plates(scene: RenderScene, cast: Cast, point: np.ndarray, lift: 
     distance = lift + np.where(triangle < 0, 0, distance)[:, None]
     normal, leaves, far = surface(scene, triangle, point + distance * within, within)
     is_plate = (triangle >= 0) & leaves & is_glass(far, leaves) & (dot(entry, normal) > PARALLEL)
-    mirrored = fresnel(-dot(within, normal), 1 / near[:, IOR].clip(1))[:, None]
+    mirrored = fresnel(-dot(within, normal), 1 / near[:, IOR].clip(LEAST_IOR))[:, None]
     tint = tint_of_surface(near, ~leaves) * tint_of_surface(far, leaves)
     gain[rows] += is_plate[:, None] * tint * (1 - mirrored) / (1 + mirrored)
     return gain

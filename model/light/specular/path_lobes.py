@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...geometry import dot, reflected
+from ...geometry import LEAST_IOR, dot, reflected
 from ...material.reflectance import LEAST_LAYER, fresnel, layer_reflectance, widened
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
 from ...shading import surface
@@ -102,7 +102,7 @@ def inner_lobe(scene: RenderScene, cast: Cast, met: MetSurfaces, reach: np.ndarr
     """The same where paths that are reflected inside of glass leave it next; reach: as of Paths."""
     first, direction = met.texel, reflected(met.direction, met.normal)
     mirrors = first[:, METALLIC, None] * first[:, BASE_COLOR]
-    inner = fresnel(-dot(met.direction, met.normal), 1 / first[:, IOR].clip(1))[:, None]
+    inner = fresnel(-dot(met.direction, met.normal), 1 / first[:, IOR].clip(LEAST_IOR))[:, None]
     origin = met.point + LIFT * reach[:, None] * direction
     triangle, distance = cast(origin, direction)[:2]
     point = origin + np.where(triangle < 0, 0, distance)[:, None] * direction

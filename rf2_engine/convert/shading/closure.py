@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from ....model.geometry import LEAST_IOR
 from ....model.pictures import LUMINANCE
 from ....model.scene import tint_of_glass
 from ....model.surface_kinds import TRANSPARENT
@@ -89,7 +90,8 @@ def lobe(color, metallic=ZERO, roughness=ONE, ior=ONE, transmission=ZERO, normal
     reflectance = ((ior - 1) / (ior + 1)) ** 2
     gloss = metallic + transmission + reflectance + TINY
     return Closure(ONE, color, share, share * metallic, share * transmission, gloss, gloss * roughness,
-                   np.clip(ior, *IOR_RANGE), normal, BLACK)
+                   np.clip(ior, np.where(transmission > TRANSPARENT, LEAST_IOR, IOR_RANGE[0]), IOR_RANGE[1]), normal,
+                   BLACK)
 
 
 def guess(closure: Closure, share: np.ndarray = ONE) -> Closure:
@@ -139,10 +141,15 @@ def parameters(closure: Closure) -> SurfaceParameters:
     return SurfaceParameters(
         base_color=np.clip(closure.color, 0, BRIGHTEST).astype(np.float32),
         metallic=mean(closure.metallic, closure.lobe, 0.0), roughness=mean(closure.roughness, closure.gloss, 1.0),
-        ior=np.where(is_glass, ior.clip(GLASS_IOR), ior) if is_glass.any() else ior, transmission=transmission,
+        ior=np.where(is_glass, _bending(ior), ior) if is_glass.any() else ior, transmission=transmission,
         normal=mean(closure.normal, closure.weight, UP), emission=np.maximum(closure.emission, 0).astype(np.float32),
         clear=closure.clear, translucent=mean(closure.translucent, diffuse, 0.0).clip(0, 1),
         fibre=mean(closure.fibre, closure.lobe, 0.0), holdout=closure.holdout,
         sheen=joined(sheen, mean(sheen_roughness, sheen @ LUMINANCE[:, None], 0.0)),
         coat=joined(coat, mean(of_coat, coat, 0.0)), guessed=mean(closure.guessed, closure.lobe, 0.0),
         single=mean(closure.single, closure.gloss, 0.0))
+
+
+def _bending(ior: np.ndarray) -> np.ndarray:
+    """IOR of glass, which is not so near 1 that light would pass it straight."""
+    return np.where(ior < 1, ior.clip(max=1 / GLASS_IOR), ior.clip(GLASS_IOR))

@@ -128,7 +128,7 @@ def test_what_glass_shows_has_a_lobe_in_the_colour_of_the_glass(tile, color, f0)
     np.testing.assert_allclose(gloss.f0, [(f0,)], atol=1e-3)
 
 
-@pytest.mark.parametrize(("slope", "ior"), [(0.0, 1.5), (1.0, 1.5), (1.0, 1.0)])
+@pytest.mark.parametrize(("slope", "ior"), [(0.0, 1.5), (1.0, 1.5), (1.0, 1.0), (0.8, 0.75)])
 def test_a_pane_shifts_a_path_by_its_thickness(slope, ior):
     glass = constant_tile((1, 1, 1), roughness=0.0, ior=ior, transmission=1.0)
     found = ends(walls((1, -1, glass), (2, 1, glass), (4, -1, constant_tile(RED))), (1, slope, 0))
@@ -230,6 +230,12 @@ def test_light_that_normals_send_out_of_glass_and_facets_do_not_is_lost_as_in_cy
     np.testing.assert_allclose(shown(ends(scene, grazing)), [RED], atol=2e-3)  # mirrored
     scene.normals[:2] = 0.5 ** 0.5, 0.5 ** 0.5, 0
     assert not shown(ends(scene, grazing)).any()
+
+
+def test_light_that_cannot_enter_air_in_water_is_mirrored():
+    air = constant_tile((1, 1, 1), roughness=0.0, ior=0.75, transmission=1.0)
+    found = ends(walls((1, -1, air), (2, 1, air), (-4, 1, constant_tile(RED))), (1, 2, 0))
+    np.testing.assert_allclose(found.position, [(-4, 12, 0)], atol=2e-3)
 
 
 def test_light_that_cannot_leave_glass_is_mirrored():

@@ -84,6 +84,8 @@ def test_principled_constants():
     assert_tile(opaque, base_color=(0.1, 0.2, 0.3), metallic=0.25, roughness=0.4, ior=1.3294)
     glass, _, _ = material(Transmission_Weight=1.0, IOR=1.33, Roughness=0.1)
     assert_tile(glass, base_color=(0.8, 0.8, 0.8), roughness=0.1, ior=1.33, transmission=1)
+    air_in_water, _, _ = material(Transmission_Weight=1.0, IOR=0.75, Roughness=0.1)
+    assert_tile(air_in_water, base_color=(0.8, 0.8, 0.8), roughness=0.1, ior=0.75, transmission=1)
     partly, _, _ = material(Transmission_Weight=0.25)
     assert_tile(partly, base_color=(0.8, 0.8, 0.8), roughness=0.5, ior=0.75 * 1.3294 + 0.25 * 1.5, transmission=0.25)
 
