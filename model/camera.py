@@ -61,6 +61,14 @@ def view_rays_at(view: View, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, 
     return c2w[:3, 3].astype(np.float32), directions.astype(np.float32)
 
 
+def clip_distances(view: View, ray: np.ndarray) -> np.ndarray:
+    """(P,) f32 lengths of rays (P, 3) of a view before which it sees nothing."""
+    if view.panorama is not None:
+        return (view.clip_start / np.linalg.norm(ray, axis=1).clip(1e-20)).astype(np.float32)
+    depth = -(ray @ view.camera_to_world[:3, 2])
+    return np.divide(view.clip_start, depth, out=np.zeros_like(depth), where=depth > 0).astype(np.float32)
+
+
 def visible_pixels(view: View) -> np.ndarray:
     """(H, W) bool: pixels whose centres show anything: the picture of a fisheye lens is a circle."""
     if view.panorama is None:

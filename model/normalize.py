@@ -51,7 +51,7 @@ class Normalization:
     def view(self, view: View) -> View:
         camera = view.camera_to_world.astype(np.float32).copy()
         camera[:3, 3] = self.points(camera[:3, 3])
-        return replace(view, camera_to_world=camera)
+        return replace(view, camera_to_world=camera, clip_start=view.clip_start * self.scale)
 
     def guides(self, guides: Guides) -> Guides:
         """Positions in network units, radiance in network exposure."""

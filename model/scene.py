@@ -101,6 +101,7 @@ class View:
     picture_size: int = 0        # pixels, the longer side of the whole picture; 0 when this rectangle is all of it
     corner: tuple[int, int] = (0, 0)  # x, y of the rectangle's top left pixel in the whole picture
     panorama: Panorama | None = None  # of the whole picture; a negative focal[0] mirrors its x axis, too
+    clip_start: float = 0.0      # world units along its axis, or all rays of a panorama, before which it sees nothing
 
     @property
     def longer_side(self) -> int:

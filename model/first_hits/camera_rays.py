@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..camera import view_rays, view_rays_at
+from ..camera import clip_distances, view_rays, view_rays_at
 from ..geometry import corner_weights
 from ..progress import part
 from ..rays import Hits
@@ -48,7 +48,11 @@ class CameraRays:
 
     def closest(self, direction: np.ndarray) -> Hits:
         """The first hits along directions (P, 3), with triangles by their row in the geometry."""
-        return self._rays.closest(self._eye, direction)
+        if not self._view.clip_start:
+            return self._rays.closest(self._eye, direction)
+        start = clip_distances(self._view, direction)
+        hits = self._rays.closest(self._eye + start[:, None] * direction, direction)
+        return hits._replace(distance=hits.distance + start)
 
     def hits_lie_at(self, points: np.ndarray, tolerance: float) -> np.ndarray:
         """(P,) bool: whether the first hit towards points (P, 3) is there, within a share of the distance."""

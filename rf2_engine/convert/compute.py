@@ -124,11 +124,11 @@ def _plan(copied: CopiedScene, view: View | None, options: ConversionOptions, re
         collected = collect(copied, report)
     hits, framing = None, Framing(UNIT_BOX if options.as_is else np.float32(collected.bounds()), None)
     if view is not None:
-        hits = find_visible(collected, view, copied.clip_start)
+        hits = find_visible(collected, view)
         box = UNIT_BOX if options.as_is else find_box(collected, view, hits)
         framing = choose_framing(Framing(box, measure_apparent_size(view, hits)))
         if framing.apparent.view is not view:
-            hits = find_visible(collected, framing.apparent.view, copied.clip_start)
+            hits = find_visible(collected, framing.apparent.view)
     progress.report(0.3)
     (low, high), beyond = framing.box, collected.beyond(framing.box)
     if beyond and not options.as_is:

@@ -71,6 +71,7 @@ class RegionView:
         """
         projection, (width, height) = np.array(self.projection), self.size
         camera_to_world, mirror = rigid(np.array(self.camera), "Viewport", None)
+        clip_start = 0.0 if self.is_orthographic else projection[2, 3] / (projection[2, 2] - 1)
         if self.is_orthographic:
             projection = _as_perspective(projection, camera_to_world, points)
         scale = np.array([projection[0, 0] * mirror, projection[1, 1]])
@@ -81,7 +82,8 @@ class RegionView:
         scale_down = np.array([picture_width / (x1 - x0), picture_height / (y1 - y0)])
         principal = ((1 + shift) * half - (x0, height - y1)) * scale_down
         return View(camera_to_world.astype(np.float32), (scale * half * scale_down).astype(np.float32),
-                    principal.astype(np.float32), picture_width, picture_height, longer_side)
+                    principal.astype(np.float32), picture_width, picture_height, longer_side,
+                    clip_start=float(clip_start))
 
 
 def _as_perspective(projection: np.ndarray, camera_to_world: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -91,7 +91,6 @@ class Source:
         except Exception as error:
             self.error, self.changes, self.bare = failure.message(error), Changes(), None
             return True
-        copied.clip_start = 0.0  # of the scene's camera, which need not be the view
         if is_bare:
             self.bare = copied
             return False

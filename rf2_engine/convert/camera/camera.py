@@ -37,13 +37,17 @@ def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, i
         panorama = read_panorama(camera, eye.shift_x, width, height, scene.render)
         fine = panorama.pixels_per_radian
         return _cut(View(camera_to_world.astype(np.float32), np.float32([fine * mirror, fine]),
-                         np.float32([width, height]) / 2, width, height, round(2 * fine), panorama=panorama), border)
+                         np.float32([width, height]) / 2, width, height, round(2 * fine), panorama=panorama,
+                         clip_start=camera.data.clip_start), border)
     projection = _projection(eye, depsgraph, width, height)
     is_open = camera.data.clip_end > camera.data.clip_start
     if not (is_open and np.isfinite(projection).all() and projection[0, 0] and projection[1, 1]):
         raise SceneError(f'Camera "{camera.name}" sees nothing: set its Clip End beyond its Clip Start')
+    clip_start = camera.data.clip_start
     if camera.data.type == "ORTHO":
+        before = camera_to_world[:3, 3].copy()
         projection = orthographic.to_perspective(projection, camera_to_world, depsgraph)
+        clip_start += float(np.linalg.norm(camera_to_world[:3, 3] - before))
         if report is not None:
             report.approximated(camera.name, "orthographic camera is rendered as a distant perspective camera")
     scale = np.array([projection[0, 0], projection[1, 1]])
@@ -51,7 +55,7 @@ def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, i
     half = np.array([width, height]) / 2
     focal, principal = scale * half * (mirror, 1), (1 + shift) * half
     return _cut(View(camera_to_world.astype(np.float32), focal.astype(np.float32), principal.astype(np.float32),
-                     width, height, max(width, height)), border)
+                     width, height, max(width, height), clip_start=clip_start), border)
 
 
 def _cut(view: View, border: tuple[int, int, int, int] | None) -> View:
@@ -75,14 +79,6 @@ def _projection(eye: Eye, depsgraph, width: int, height: int) -> np.ndarray:
     finally:
         if eye.shift_x != own:
             camera.data.shift_x = own
-
-
-def clip_start(depsgraph) -> float:
-    """World units along the axis of the camera's View, or along all rays of a panorama, before which it sees nothing;
-    0 of an orthographic camera.
-    """
-    data = depsgraph.scene_eval.camera.data
-    return 0.0 if data.type == "ORTHO" else data.clip_start
 
 
 def rigid(matrix: np.ndarray, name: str, report: Report | None) -> tuple[np.ndarray, float]:

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from ....model import progress, rays
 from ... import compat
 from ...setup import packages
-from ..camera.camera import clip_start
 from ..data.copied import CopiedScene
 from ..data.report import Report
 from ..lamps.world import draw_world
@@ -49,8 +48,6 @@ def copy(depsgraph, report: Report, cycles_world=None, baker=None, cache: CopyCa
         copied.bounces = (cycles.diffuse_bounces, cycles.glossy_bounces, cycles.transmission_bounces,
                           cycles.max_bounces)
         copied.caustics = cycles.caustics_reflective, cycles.caustics_refractive
-    if (camera := depsgraph.scene_eval.camera) is not None and camera.type == "CAMERA":
-        copied.clip_start = clip_start(depsgraph)
     if baker is not None and any(map(needs_baking, blocks.materials)):
         with progress.part(0.9, 1.0):
             baker.prepare()

@@ -112,7 +112,6 @@ class CopiedScene:
     world_panoramas: dict[Ray, tuple[np.ndarray, list[Sun]]] | None
     objects: list[tuple[CopiedMesh, Instance] | CopiedVolume] = field(default_factory=list)  # in their order
     lamps: list[LampInstance] = field(default_factory=list)
-    clip_start: float = 0.0  # of the camera, world units along its axis
     bounces: tuple[int, ...] = BOUNCES
     caustics: tuple[bool, bool] = True, True  # reflective, refractive
     world_light_group: int = 0

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ....model.camera import view_rays_at
+from ....model.camera import clip_distances, view_rays_at
 from ....model.geometry import area_vectors
 from ....model.rays import Rays
 from ....model.scene import View
@@ -50,16 +50,16 @@ class VisiblePoints:
         return np.linalg.norm(self.points - eye, axis=1)
 
 
-def find_visible(collected: CollectedScene, view: View, clip_start: float = 0.0) -> VisiblePoints:
-    """What the view sees from `clip_start` on (camera.py).
+def find_visible(collected: CollectedScene, view: View) -> VisiblePoints:
+    """What the view sees.
 
     It sees through emitters, unless there is hardly anything else: a sky dome is no more than a background; and
     through panes and media that fill most of the picture, far in front of what is behind them.
     """
     visible = {i for i, part in enumerate(collected.parts) if part.is_shown and not part.emits}
-    hits = _cast(collected, view, clip_start, visible)
+    hits = _cast(collected, view, visible)
     if len(hits) < FEW:
-        return _cast(collected, view, clip_start, {i for i, part in enumerate(collected.parts) if part.is_shown})
+        return _cast(collected, view, {i for i, part in enumerate(collected.parts) if part.is_shown})
     owner = np.repeat(np.arange(len(collected.parts)), [len(part.instances) for part in collected.parts])
     eye, behind = view.camera_to_world[:3, 3], hits
     for _ in range(PANES):
@@ -71,12 +71,12 @@ def find_visible(collected: CollectedScene, view: View, clip_start: float = 0.0)
             visible -= {parts[counts.argmax()]}
         else:
             break
-        behind = _cast(collected, view, clip_start, visible)
+        behind = _cast(collected, view, visible)
     far = len(behind) >= FEW and np.median(behind.distances(eye)) > BEHIND * np.median(hits.distances(eye))
     return behind if far else hits
 
 
-def _cast(collected: CollectedScene, view: View, clip_start: float, visible: set[int]) -> VisiblePoints:
+def _cast(collected: CollectedScene, view: View, visible: set[int]) -> VisiblePoints:
     """visible: indices of the parts that rays hit."""
     triangles, owner = _stand_ins(collected, view.camera_to_world[:3, 3], visible)
     if not len(triangles):
@@ -84,11 +84,10 @@ def _cast(collected: CollectedScene, view: View, clip_start: float, visible: set
     x, y = np.meshgrid((np.arange(GRID) + 0.5) / GRID * view.width, (np.arange(GRID) + 0.5) / GRID * view.height)
     if view.panorama is None:
         eye, rays = view_rays_at(view, x.ravel(), y.ravel())
-        starts = rays * clip_start / -(rays @ view.camera_to_world[:3, 2:3])
     else:
         inside = view.panorama.visible(x + view.corner[0], y + view.corner[1])
         eye, rays = view_rays_at(view, x[inside], y[inside])
-        starts = rays * clip_start
+    starts = rays * clip_distances(view, rays)[:, None]
     hits = Rays(triangles - eye).closest(starts, rays)
     is_hit = hits.triangle >= 0
     points = eye + starts[is_hit] + hits.distance[is_hit, None] * rays[is_hit]

@@ -49,6 +49,16 @@ def test_what_cameras_do_not_see_is_passed(half):
     assert CameraRays(replace(scene, seen=~hidden & False), view).closest(np.float32([(-0.1, 0, -1)])).triangle == -1
 
 
+@pytest.mark.parametrize("clip_start, height", [(0, 1), (1.1, 0)])
+def test_what_is_nearer_than_the_cameras_clipping_is_passed(half, clip_start, height):
+    scene, view = half
+    eye = view.camera_to_world[2, 3]
+    pane = flat(scene.triangles + [0, 0, 1], (1, 1, 1))
+    camera = CameraRays(scene.appended(pane), replace(view, clip_start=clip_start * (eye - 1)))
+    ray = np.float32([(-0.2, 0.1, -2)])
+    np.testing.assert_allclose(eye + ray[:, 2] * camera.closest(ray).distance, [height], atol=1e-4)
+
+
 def test_a_ray_ends_at_a_point_unless_something_is_before_it_or_it_is_in_the_air(half):
     scene, view = half
     points = np.float32([(-0.3, 0.1, 0), (-0.3, 0.1, -0.5), (-0.3, 0.1, 0.5), (0.5, 0, 0)])

@@ -55,10 +55,10 @@ def test_coarse_pictures_have_sides_that_cost_the_network_nothing_in_vain(space)
 
 
 def test_the_camera_shows_what_a_render_shows(scene):
-    scene.camera.data.shift_x, scene.camera.data.shift_y = 0.2, -0.1
+    scene.camera.data.shift_x, scene.camera.data.shift_y, scene.camera.data.clip_start = 0.2, -0.1, 0.7
     bpy.context.view_layer.update()
     ours, render = through_camera(scene, 50, 37).view(1, POINTS), convert_camera(depsgraph(), 50, 37, None)
-    for name in ("camera_to_world", "focal", "principal"):
+    for name in ("camera_to_world", "focal", "principal", "clip_start"):
         np.testing.assert_allclose(getattr(ours, name), getattr(render, name), rtol=1e-4, atol=1e-4)
 
 

@@ -97,6 +97,9 @@ def test_orthographic_camera_keeps_its_framing_and_is_reported(scene, report, ad
     for point in (Vector((-1, 0, -1)), Vector((1, 0, 0.5)), Vector((0, 0, 1))):
         np.testing.assert_allclose(project(view, point), blender_pixels(scene, (50, 37), point), atol=2e-2)
     assert report.entries[0][:2] == ("approximated", "Camera")
+    moved = view.camera_to_world[:3, 3] - np.array(scene.camera.matrix_world.translation)
+    before = moved @ view.camera_to_world[:3, 2]
+    assert view.clip_start == pytest.approx(before + scene.camera.data.clip_start, rel=1e-4)
 
 
 def test_impossible_cameras_are_errors_that_name_them(scene):

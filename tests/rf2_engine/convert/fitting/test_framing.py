@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import clip_start, convert_camera
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.collect import collect
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.scene import copy
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.framing import find_box
@@ -25,7 +25,7 @@ def box(scene, report):
     def find():
         depsgraph = bpy.context.evaluated_depsgraph_get()
         found, view = collect(copy(depsgraph, report), report), convert_camera(depsgraph, 192, 108, None)
-        return find_box(found, view, find_visible(found, view, clip_start(depsgraph)))
+        return find_box(found, view, find_visible(found, view))
     return find
 
 
