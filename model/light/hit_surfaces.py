@@ -14,7 +14,7 @@ from ..camera import view_rays_at
 from ..first_hits import bumps
 from ..first_hits.hit_materials import UNKNOWN_F0, hit_reflectances, hit_roughness_below, hit_values
 from ..material.sheen import albedo as sheen_albedo
-from ..material.sheen import stretch
+from ..material.sheen import lean, stretch
 from ..scene import Guides, RenderScene, View
 from .fresnel import lobe_albedo
 from .vectors import dot, length
@@ -49,7 +49,8 @@ class HitSurfaces:
     diffuse_ratio: Tensor  # (h, W), diffuse over glossy albedo
     straight: Tensor | None = None  # (h, W, 1) bool, where transmission goes straight on, if it does anywhere
     translucent: Tensor | None = None  # (h, W, 3), share of diffuse light that comes from the other side, if any does
-    sheen: Tensor | None = None  # (h, W, 4), RGB share of diffuse light that is of a sheen, and its stretch, if any is
+    # (h, W, 7), RGB share of diffuse light that is of a sheen, its stretch and its lean, if any is
+    sheen: Tensor | None = None
     coat: Coat | None = None  # if any has one
     group: np.ndarray | None = None  # (h, W) u8, of surfaces, where lights tell some apart
 
@@ -72,7 +73,7 @@ class HitSurfaces:
                    diffuse.mean(-1) / glossy.mean(-1).clamp_min(1e-6),
                    None if guides.straight is None else torch.from_numpy(guides.straight).to(device)[..., None],
                    translucent,
-                   None if sheen is None else _sheen(sheen, cosine, coverage, diffuse),
+                   None if sheen is None else _sheen(sheen, normal, -rays, coverage, diffuse),
                    None if coat is None else _coat(coat, cosine, coverage, glossy),
                    None if scene.group is None or not len(scene) else scene.group[guides.hit_triangle.clip(0)])
 
@@ -130,15 +131,18 @@ def tensors_on(device: torch.device):
     return lambda x: torch.as_tensor(np.ascontiguousarray(x), dtype=torch.float32, device=device)
 
 
-def _sheen(sheen: Tensor, cosine: Tensor, coverage: Tensor, diffuse: Tensor) -> Tensor:
-    """(h, W, 4) as HitSurfaces.sheen, of one (h, W, 4) as of RenderScene.
+def _sheen(sheen: Tensor, normal: Tensor, viewer: Tensor, coverage: Tensor, diffuse: Tensor) -> Tensor:
+    """(h, W, 7) as HitSurfaces.sheen, of one (h, W, 4) as of RenderScene.
 
-    cosine: (h, W), between normal and viewer; diffuse: (h, W, 3), of all of the diffuse lobe.
+    normal, viewer: (h, W, 3), unit; diffuse: (h, W, 3), of all of the diffuse lobe.
     """
     color, roughness = sheen.split([3, 1], -1)
+    cosine = dot(normal, viewer)
     albedo = torch.from_numpy(sheen_albedo(cosine.cpu().numpy(), roughness[..., 0].cpu().numpy())).to(color)
     reflected = coverage * color * albedo[..., None]
-    return torch.cat([reflected / torch.maximum(diffuse, reflected).clamp_min(TINY), stretch(roughness)], -1)
+    aside = F.normalize(viewer - cosine[..., None] * normal, dim=-1)
+    return torch.cat([reflected / torch.maximum(diffuse, reflected).clamp_min(TINY),
+                      stretch(roughness, cosine[..., None]), lean(roughness, cosine[..., None]) * aside], -1)
 
 
 def _coat(coat: Tensor, cosine: Tensor, coverage: Tensor, glossy: Tensor) -> Coat:

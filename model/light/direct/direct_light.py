@@ -222,9 +222,9 @@ class DirectLight:
         visibility = LobeVisibility.full(position) if visibility is None else visibility
         return in_chunks(CHUNK, self._lobes, position, normal, outgoing, roughness, f0, *visibility, *footprint)
 
-    def sheen(self, position: Tensor, normal: Tensor, stretch: Tensor) -> tuple[Tensor, Tensor]:
-        """As EmitterLight.sheen; stretch: (P,)."""
-        return in_chunks(CHUNK, self.emitters.sheen, position, normal, stretch)
+    def sheen(self, position: Tensor, normal: Tensor, stretch: Tensor, lean: Tensor) -> tuple[Tensor, Tensor]:
+        """As EmitterLight.sheen; stretch: (P,), lean: (P, 3)."""
+        return in_chunks(CHUNK, self.emitters.sheen, position, normal, stretch, lean)
 
     def _lobes(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor, f0: Tensor,
                *rest: Tensor) -> tuple[Tensor, Tensor, Tensor]:

@@ -219,12 +219,15 @@ class EmitterLight:
         result[:, :found.shape[1]] = found
         return result
 
-    def sheen(self, x: Tensor, n: Tensor, stretch: Tensor) -> tuple[Tensor, Tensor]:
-        """Unshadowed radiance (P, 3) leaving a white diffuse surface and a white sheen of such a stretch (P,)."""
+    def sheen(self, x: Tensor, n: Tensor, stretch: Tensor, lean: Tensor) -> tuple[Tensor, Tensor]:
+        """Unshadowed radiance (P, 3) leaving a white diffuse surface and a white sheen (material/sheen.py).
+
+        stretch: (P,); lean: (P, 3), along the surface.
+        """
         direction, sine2, in_beam = self.shapes.directions(x, n)
         cosine = cosines(direction, n)
         of_diffuse = self.shapes.form_factor(x, n, cosine, sine2)
-        of_sheen = sheen_form_factor(cosine, sine2, stretch[:, None])
+        of_sheen = sheen_form_factor(cosine, sine2, stretch[:, None], lean, direction)
         return (of_diffuse * in_beam) @ self._to_diffuse, (of_sheen * in_beam) @ self._to_diffuse
 
     def lobes(self, x: Tensor, n: Tensor, *gloss: Tensor) -> tuple[Tensor, Tensor]:

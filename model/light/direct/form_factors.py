@@ -97,9 +97,13 @@ def _spread_share(toward: Tensor, sine2: Tensor, border: Tensor) -> Tensor:
     return share * (border / wider).square() * (toward > 0)
 
 
-def sheen_form_factor(cosine: Tensor, sine2: Tensor, stretch: Tensor) -> Tensor:
-    """The same of directions that `stretch` scales across the normal (material/sheen.py): what a white sheen sees."""
-    length2 = stretch.square() * (1 - cosine.square()) + cosine.square()
+def sheen_form_factor(cosine: Tensor, sine2: Tensor, stretch: Tensor, lean: Tensor, direction: Tensor) -> Tensor:
+    """The same of directions (3, P, E) that are transformed (material/sheen.py): what a white sheen sees.
+
+    stretch: (P, 1), their scale across the normal; lean: (P, 3), what is added for each unit along it.
+    """
+    along = stretch * cosines(direction, lean) + dot(lean, lean)[:, None] * cosine / 2
+    length2 = stretch.square() * (1 - cosine.square()) + cosine.square() + 2 * cosine * along
     larger = stretch.square() * length2 ** -1.5  # solid angles
     return sphere_form_factor(cosine * length2.rsqrt(), (sine2 * larger).clamp_max(MOST_SINE2))
 

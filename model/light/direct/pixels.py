@@ -68,9 +68,9 @@ def add_sheen(diffuse: Tensor, direct: DirectLight, surfaces: HitSurfaces, visib
     """
     if surfaces.sheen is None or not len(direct.emitters):
         return
-    share, stretch = surfaces.sheen.split([3, 1], -1)
+    share, stretch, lean = surfaces.sheen.split([3, 1, 3], -1)
     at = (share.any(-1) & surfaces.is_covered[..., 0]).nonzero().unbind(1)
-    of_diffuse, of_sheen = direct.sheen(surfaces.position[at], surfaces.normal[at], stretch[at][:, 0])
+    of_diffuse, of_sheen = direct.sheen(surfaces.position[at], surfaces.normal[at], stretch[at][:, 0], lean[at])
     diffuse[at] += share[at] * (of_sheen - of_diffuse) * visibility[at]
 
 

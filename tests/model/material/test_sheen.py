@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from renderformer_v2.model.light.direct.form_factors import sheen_form_factor
-from renderformer_v2.model.material.sheen import albedo, mean_albedo, stretch
+from renderformer_v2.model.material.sheen import albedo, lean, mean_albedo, stretch
 
 ROUGHNESS = 0.2, 0.5, 1.0
 
@@ -21,14 +21,36 @@ def test_the_rougher_the_more_it_sends_on():
     assert (np.diff(mean) > 0.05).all() and mean[-1] < 0.5
 
 
+def sent_on(cosine, turn, roughness, seen_at=0.5, size=1e-6):
+    """(N,) share of small emitters' light, at cosines (N,) to the normal and turned about it from the viewer's side."""
+    roughness, seen_at = torch.tensor([[roughness]]), torch.tensor([[seen_at]])
+    sine = (1 - cosine ** 2).sqrt()
+    direction = torch.stack([sine * torch.cos(turn), sine * torch.sin(turn), cosine])[:, None]
+    aside = lean(roughness, seen_at) * torch.tensor([[1.0, 0, 0]])
+    return sheen_form_factor(cosine[None], torch.tensor(size), stretch(roughness, seen_at), aside, direction)[0] / size
+
+
 @pytest.mark.parametrize("roughness", ROUGHNESS)
 def test_of_light_from_everywhere_white_sheen_sends_on_all(roughness):
-    cosine = (torch.arange(4000) + 0.5) / 4000  # rings of as many small emitters on the hemisphere
-    size = torch.tensor(1e-6)
-    share = sheen_form_factor(cosine, size, stretch(torch.tensor(roughness)))
-    assert float(share.mean() * 2 / size) == pytest.approx(1, abs=0.01)
+    cosine = (torch.arange(4000) + 0.5) / 4000  # of as many places on the hemisphere, in a spiral
+    assert float(sent_on(cosine, torch.arange(4000) * 2.4, roughness).mean() * 2) == pytest.approx(1, abs=0.01)
 
 
 def test_smooth_sheen_sends_on_light_that_grazes_it():
-    from_above, grazing = sheen_form_factor(torch.tensor([1.0, 0.3]), torch.tensor(1e-4), stretch(torch.tensor(0.4)))
+    from_above, grazing = sent_on(torch.tensor([1.0, 0.3]), torch.tensor(np.pi / 2), 0.4)
     assert grazing > 2 * from_above
+
+
+@pytest.mark.parametrize("roughness, seen_at, stretched, leaning", [
+    (0.3, 0.2, 0.233, -0.024), (0.5, 0.2, 0.385, -0.111), (0.5, 0.55, 0.481, -0.046), (0.5, 0.94, 0.552, -0.029),
+    (0.7, 0.37, 0.628, -0.095), (1.0, 0.98, 0.880, 0)])
+def test_its_lobe_depends_on_where_it_is_seen_from_as_in_cycles(roughness, seen_at, stretched, leaning):
+    """As suns from nine sides show of a Sheen BSDF."""
+    values = np.float32(roughness), np.float32(seen_at)
+    assert stretch(*values) == pytest.approx(stretched, rel=0.05)
+    assert lean(*values) == pytest.approx(leaning, abs=0.03)
+
+
+def test_light_from_the_viewers_side_is_sent_on_more():
+    behind, before = sent_on(torch.tensor([0.7, 0.7]), torch.tensor([np.pi, 0]), 0.5, seen_at=0.37)
+    assert before > 1.1 * behind
