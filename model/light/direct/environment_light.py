@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Irradiance and roughness-filtered radiance of a lat-long environment map, in closed form per direction.
 
-Diffuse light uses nine spherical-harmonic coefficients (Ramamoorthi and Hanrahan 2001), glossy light a stack of maps
-blurred by the GGX lobe (the first half of Karis' split sum, 2013), which a lobe reads in a few directions, as it is
-round only where it is seen from above (filtered importance sampling, Krivanek and Colbert 2008). The share that arrives
-is found by rays.
+Diffuse light is a map that was convolved with the clamped cosine, glossy light a stack of maps blurred by the GGX lobe
+(the first half of Karis' split sum, 2013), which a lobe reads in a few directions, as it is round only where it is seen
+from above (filtered importance sampling, Krivanek and Colbert 2008). The share that arrives is found by rays.
 """
 from __future__ import annotations
 
@@ -34,7 +33,6 @@ POLISHED = 0.1                        # roughness up to which a lobe is narrow f
 TAPS = 32                             # of a wider lobe
 FLAT = 0.01                           # radians by which mirrored directions turn in pixels that are one direction
 COARSE, SMALLEST = (64, 128), (128, 256)  # map sizes of wider lobes, and of the stack at least
-COSINE_LOBE = (math.pi, 2 * math.pi / 3, math.pi / 4)  # zonal coefficients of the clamped cosine, bands 0, 1, 2
 LIFT = 1e-4      # network units that a ray starts off its surface
 FOG_REACH = 2.0  # network units from a point: fog beyond dims nothing
 CHUNK = 4096     # points at a time
@@ -56,11 +54,12 @@ class EnvironmentLight:
         directions = torch.from_numpy(direction_map(*COARSE)).to(radiance.device).reshape(-1, 3)
         weight = solid_angles(*COARSE, device=radiance.device).expand(COARSE).reshape(-1)
         colors = coarse.reshape(3, -1).T
-        self.harmonics = _harmonics(directions).T @ (colors * weight[:, None])
         rows, columns = COARSE
         cosines = directions[::columns] @ directions.T  # of the first column: the others see the same, turned
         ahead = torch.arange(columns, device=radiance.device)
         turned = colors.view(rows, columns, 3)[:, (ahead[:, None] + ahead) % columns].flatten(0, 1)
+        arriving = torch.einsum("rs,scd->drc", cosines.clamp_min(0) * weight, turned)
+        self._irradiance = _wrapped(arriving[None], COARSE)  # 1, 3, row, column
         levels = [F.adaptive_avg_pool2d(image, size)]
         for roughness in ROUGHNESS_LEVELS[1:]:
             if roughness in POOLED:
@@ -72,9 +71,10 @@ class EnvironmentLight:
 
     def irradiance(self, normal: Tensor) -> Tensor:
         """(P, 3) irradiance on a surface with this normal, W/m^2."""
-        bands = torch.tensor([0, 1, 1, 1, 2, 2, 2, 2, 2], device=normal.device)
-        lobe = torch.tensor(COSINE_LOBE, device=normal.device)[bands]
-        return (_harmonics(normal) @ (self.harmonics * lobe[:, None])).clamp_min(0)
+        grid = _places(normal, self._irradiance.shape[-1])
+        sampled = run_operator("grid_sampler_2d", F.grid_sample, self._irradiance, grid[None, :, None],
+                               mode="bilinear", padding_mode="border", align_corners=False)
+        return sampled[0, :, :, 0].T
 
     def visible_share(self, directions: Tensor, visibility: Tensor, weight: Tensor | None = None) -> Tensor:
         """(P, 3) share of the RGB radiance from (P, R, 3) unit vectors that arrives, of each (P, R, 1) or (P, R, 3).
@@ -90,12 +90,8 @@ class EnvironmentLight:
         """(P, 3) radiance around a direction, averaged over the GGX lobe of this perceptual roughness (P,)."""
         if self.is_uniform:
             return self.levels[0, :, 0, 0, 0].expand(len(direction), 3)
-        u = 0.5 - torch.atan2(direction[:, 1], direction[:, 0]) / (2 * math.pi)
-        w = torch.acos(direction[:, 2].clamp(-1, 1)) / math.pi
-        columns = self.levels.shape[-1] - 2
-        wrapped = (u * columns + 1) / (columns + 2)
-        level = (_level(roughness.clamp(0, 1)) + 0.5) / len(ROUGHNESS_LEVELS)
-        grid = torch.stack([wrapped, w, level], -1) * 2 - 1
+        level = (_level(roughness.clamp(0, 1)) + 0.5) / len(ROUGHNESS_LEVELS) * 2 - 1
+        grid = torch.cat([_places(direction, self.levels.shape[-1]), level[:, None]], 1)
         sampled = run_operator("grid_sampler_3d", F.grid_sample, self.levels, grid[None, :, None, None],
                                mode="bilinear", padding_mode="border", align_corners=False)
         return sampled[0, :, :, 0, 0].T
@@ -162,13 +158,11 @@ def _lobe(cosine: Tensor, roughness: float) -> Tensor:
     return cosine.clamp_min(0) / (half2 * (alpha2 - 1) + 1).square()
 
 
-def _harmonics(d: Tensor) -> Tensor:
-    """(P, 9) real spherical harmonics of bands 0 to 2."""
-    x, y, z = d.unbind(-1)
-    return torch.stack([
-        torch.full_like(x, 0.282095), 0.488603 * y, 0.488603 * z, 0.488603 * x,
-        1.092548 * x * y, 1.092548 * y * z, 0.315392 * (3 * z * z - 1), 1.092548 * x * z, 0.546274 * (x * x - y * y),
-    ], -1)
+def _places(direction: Tensor, columns: int) -> Tensor:
+    """(P, 2) columns and rows of directions (P, 3) in maps of so many columns, wrapped ones, from -1 to 1."""
+    u = 0.5 - torch.atan2(direction[:, 1], direction[:, 0]) / (2 * math.pi)
+    row = torch.acos(direction[:, 2].clamp(-1, 1)) / math.pi
+    return torch.stack([(u * (columns - 2) + 1) / columns, row], -1) * 2 - 1
 
 
 class SkyVisibility:

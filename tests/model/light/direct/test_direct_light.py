@@ -144,6 +144,19 @@ def test_environment_irradiance_and_mirror_reflection():
     np.testing.assert_allclose(seen, coarse[[48, 112, 240], [16, 240, 496]], atol=1e-3)
 
 
+@pytest.mark.parametrize("elevation", [-10, 2, 8, 30, 80])
+def test_a_glow_near_the_horizon_lights_the_ground_by_the_cosine(elevation):
+    """Nine spherical harmonics would have half again as much from one that is 5 degrees high, and some from below."""
+    rows, columns = 256, 512
+    sky = torch.zeros(rows, columns, 3)
+    row = round((90 - elevation) / 180 * rows)
+    sky[row - 2:row + 2, 100:140] = 1
+    glow = torch.from_numpy(direction_map(rows, columns)), solid_angles(rows, columns)[..., None]
+    expected = (sky * glow[0][..., 2:].clamp_min(0) * glow[1]).sum((0, 1))
+    light = EnvironmentLight(sky).irradiance(torch.tensor([[0.0, 0, 1]]))[0]
+    np.testing.assert_allclose(light, expected, rtol=0.1, atol=1e-5)
+
+
 @pytest.mark.parametrize(("roughness", "cosine"), [(0.3, 0.9), (0.3, 0.2), (0.6, 0.5), (0.6, 0.15), (1.0, 0.3)])
 def test_lobes_mirror_as_much_of_the_sky_as_they_reach_also_at_grazing_angles(roughness, cosine):
     """Beside a sum over the whole map with the lobe's own density: a bright sky on the far side, a dim one here."""
