@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ...material.reflectance import widened
 from ...scene import Guides
 from ...surface_kinds import Ray
 from ..bounce.pixels import GlossyPixels
@@ -206,7 +207,7 @@ def _seen_lobe(guides: Guides, surfaces: HitSurfaces, name: str) -> SeenLobe:
                                                                  "viewer")))
     n, roughness = unit(normal), own[..., 0]
     if name in MIRRORED:
-        roughness = (roughness ** 4 + surfaces.roughness ** 4) ** 0.25
+        roughness = widened(roughness, surfaces.roughness ** 4)
     if viewer is None:
         viewer = surfaces.position - position if name in MIRRORED else n
     viewer = unit(viewer)

@@ -34,15 +34,16 @@ def drop_instances(parts: list[Part], shares_of_picture: list[np.ndarray], targe
         return parts, shares_of_picture, targets
     parts, shares_of_picture, targets = _merge_alike(parts, shares_of_picture, targets)
     keeps, growths = _choose(parts, shares_of_picture, budget)
-    room = int(JOINED * budget)
-    if any(map(_is_left_out, parts, keeps)):
-        keeps, growths = _choose(parts, shares_of_picture, budget - room)
-    crowd = _crowd(parts, keeps)
+    most = int(JOINED * budget) // COARSEST
+    if most and any(map(_is_left_out, parts, keeps)):
+        keeps, growths = _choose(parts, shares_of_picture, budget - most * COARSEST)
     left_out = [i for i in range(len(parts)) if _is_left_out(parts[i], keeps[i])]
-    remaining = _joined([parts[i] for i in left_out], sum(shares_of_picture[i].sum() for i in left_out), room)
+    joined, lost = join_parts([parts[i] for i in left_out], most)
+    remaining = _shared(joined, sum(shares_of_picture[i].sum() for i in left_out))
+    crowd = _crowd(parts, keeps)
     for part, share, target, keep, growth in zip(parts, shares_of_picture, targets, keeps, growths, strict=True):
         if not keep.all() or (growth > 1).any():
-            keep = _drop(part, share, keep, growth, crowd, report)
+            keep = _drop(part, share, keep, growth, crowd, report, any(part is other for other in lost))
         if part.instances:
             remaining.append((part, share[keep], target))
     return [list(column) for column in zip(*remaining)]
@@ -53,12 +54,8 @@ def _is_left_out(part: Part, keep: np.ndarray) -> bool:
     return not part.emits and not keep.any()
 
 
-def _joined(parts: list[Part], share: float, room: int) -> list[tuple[Part, np.ndarray, int]]:
-    """Parts that stand for all of these, in `room` triangles, with their shares of the picture and targets.
-
-    share: of all of them, which goes by area.
-    """
-    joined = join_parts(parts, room // COARSEST)
+def _shared(joined: list[Part], share: float) -> list[tuple[Part, np.ndarray, int]]:
+    """Joined parts, with the shares of the picture that they have of `share`, by area, and targets."""
     area = sum(part.mesh.area for part in joined) + 1e-30
     return [(part, np.array([share * part.mesh.area / area + 1e-12]), len(part.mesh)) for part in joined]
 
@@ -134,11 +131,11 @@ def _crowd(parts: list[Part], keeps: list[np.ndarray]) -> str:
     return ", ".join(names[:SOME]) + (f" and {len(names) - SOME} more" if len(names) > SOME else "")
 
 
-def _drop(part: Part, share: np.ndarray, keep: np.ndarray, growth: np.ndarray, crowd: str,
-          report: Report) -> np.ndarray:
+def _drop(part: Part, share: np.ndarray, keep: np.ndarray, growth: np.ndarray, crowd: str, report: Report,
+          is_lost: bool) -> np.ndarray:
     """(m,) bool: the instances that a part keeps, about those in the mask `keep` (m,), enlarged by `growth` (m,).
 
-    crowd: names of what shines and takes much of the room.
+    crowd: names of what shines and takes much of the room. is_lost: whether joined parts do without it as well.
     """
     some = "it exceeds" if len(keep) == 1 else f"{np.count_nonzero(~keep)} of its {len(keep)} instances exceed"
     room = f"{some} Max Triangles"
@@ -153,11 +150,12 @@ def _drop(part: Part, share: np.ndarray, keep: np.ndarray, growth: np.ndarray, c
         report.approximated(part.name, f"{room}: the network gets a sample, enlarged to cover the same area")
     elif keep.any():
         report.approximated(part.name, f"{room}: the network gets the others alone")
-    elif not part.emits:
-        report.approximated(part.name, f"{room}: the network gets a sample of this and others; raise it")
     else:
         others = f", or let fewer instances of {crowd} shine, which take up to half of it" if crowd else ""
-        report.unplaced(part.name, f"{room}: raise it{others}")
+        if part.emits or is_lost:
+            report.unplaced(part.name, f"{room}: raise it{others}")
+        else:
+            report.approximated(part.name, f"{room}: the network gets a sample of such things; raise it{others}")
     part.instances = _representing(part.instances, keep, real)
     return keep
 

@@ -13,26 +13,30 @@ from ..data.mesh import TriangleMesh, transform
 Piece = tuple[Part, Instance]
 
 
-def join_parts(parts: list[Part], most: int) -> list[Part]:
+def join_parts(parts: list[Part], most: int) -> tuple[list[Part], list[Part]]:
     """At most `most` parts of one instance, in the frame of the world, with the surfaces of parts that do not shine.
 
+    And those for which there is no room even so.
+
     Those with the same materials become one, but where there are more of such than `most`, the smallest are one of
-    several materials. What rays, cameras or lights tell apart is not joined, and is missing if it exceeds `most`.
-    Object and Generated coordinates are those of the world.
+    several materials. What rays, cameras or lights tell apart is not joined. Object and Generated coordinates become
+    those of the world.
     """
-    kinds: dict[tuple, dict[tuple, list[Piece]]] = {}
+    groups: dict[tuple, list[Piece]] = {}
     for part in parts:
         for instance in part.instances:
-            by_materials = kinds.setdefault(_kind(part, instance), {})
-            by_materials.setdefault(tuple(map(id, part.materials)), []).append((part, instance))
-    groups = sorted((pieces for by_materials in kinds.values() for pieces in by_materials.values()), key=_area)
-    while len(groups) > most:
-        smallest = groups.pop(0)
-        alike = next((pieces for pieces in groups if _kind(*pieces[0]) == _kind(*smallest[0])), None)
-        if alike is not None:
-            alike += smallest
-            groups.sort(key=_area)
-    return list(map(_joined, groups))
+            groups.setdefault((_kind(part, instance), tuple(map(id, part.materials))), []).append((part, instance))
+    largest_first = sorted(groups.items(), key=lambda group: -_area(group[1]))
+    largest = {kind: pieces for (kind, _), pieces in reversed(largest_first)}  # of each kind
+    others = [(kind, pieces) for (kind, _), pieces in largest_first if pieces is not largest[kind]]
+    chosen = [*largest.items(), *others][:most]
+    smallest, lost = dict(chosen), []  # of each kind, of those that were chosen
+    for kind, pieces in [*largest.items(), *others][most:]:
+        if kind in smallest:
+            smallest[kind] += pieces
+        else:
+            lost += [part for part, _ in pieces]
+    return [_joined(pieces) for _, pieces in chosen], lost
 
 
 def _kind(part: Part, instance: Instance) -> tuple:
