@@ -129,8 +129,7 @@ class Band:
         view, surfaces = self.view, self.surfaces
 
         def lobes(surfaces: HitSurfaces, gloss: GlossyPixels, refracted: Tensor | None) -> list[Tensor]:
-            return direct_light(view.light.direct, self.probes, surfaces, sky, gloss.sky, refracted, view.effort,
-                                view.is_traced)
+            return direct_light(view.light.direct, self.probes, surfaces, sky, gloss.sky, refracted, view.effort)
 
         shown = lobes(surfaces, gloss, refracted)
         if of_coat is not None:

@@ -36,21 +36,20 @@ def direct_light(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, *re
 
 
 def _direct_light(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, sky: Tensor, glossy_sky: Tensor,
-                  refracted: Tensor | None, effort: Effort, is_traced: bool) -> list[Tensor]:
+                  refracted: Tensor | None, effort: Effort) -> list[Tensor]:
     """Radiance (h, W, 3) that a white diffuse, glossy and transmissive lobe send to the viewer.
 
     sky, glossy_sky: (h, W, 3) visibility of the sky, as gather rays have found it. refracted: (h, W, 3) what the
-    transmissive lobe shows, where refractions were followed. Beside traced light, which has sharp shadows and
-    highlights, both are coarser.
+    transmissive lobe shows, where refractions were followed.
     """
     with part(0.0, 2 / 3):
-        emitters, glossy_emitters = _shadows(direct, probes, surfaces, effort, is_sharp=not is_traced)
+        emitters, glossy_emitters = _shadows(direct, probes, surfaces, effort)
     with part(2 / 3, 1.0):
         sky_behind = torch.full_like(surfaces.coverage, refracted is None)
         visibility = LobeVisibility(sky, emitters, glossy_sky, glossy_emitters, sky_behind)
         row = surfaces.is_covered.flatten().nonzero()[:, 0]
         visibility = LobeVisibility(*(x.flatten(0, 1)[row] for x in visibility))
-        footprint = [footprints(surfaces).flatten(0, 1)[row]] if effort.edges and not is_traced else []
+        footprint = [footprints(surfaces).flatten(0, 1)[row]] if effort.edges else []
         shown = direct.lobes(*(x[row] for x in surfaces.lobe_points), visibility, *footprint)
         lobes = [torch.zeros_like(surfaces.position) for _ in shown]
         for lobe, radiance in zip(lobes, shown, strict=True):
@@ -79,19 +78,16 @@ def shadow_grid(emitters: int) -> int:
     return next((grid for most, grid in ((SHADOW_RAYS, 1), (4 * SHADOW_RAYS, 2)) if emitters <= most), 4)
 
 
-def _shadows(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, effort: Effort,
-             is_sharp: bool) -> tuple[Tensor, Tensor]:
+def _shadows(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, effort: Effort) -> tuple[Tensor, Tensor]:
     """(h, W, 3) visibility of the emitters for the diffuse and the glossy lobe."""
     of_pixel = max(effort.of(SHADOW_RAYS), SHADOW_RAYS)
-    grid, rays = probes.grid, max(min(of_pixel // max(len(direct.emitters), 1), effort.of(EMITTER_RAYS)), 1)
-    if is_sharp:
-        grid = min(max(shadow_grid(len(direct.emitters)), effort.shadow_grid), grid)
+    rays = max(min(of_pixel // max(len(direct.emitters), 1), effort.of(EMITTER_RAYS)), 1)
+    grid = min(max(shadow_grid(len(direct.emitters)), effort.shadow_grid), probes.grid)
     probes, trace = Probes(*probes.picture, grid, grid, probes.separation), partial(_trace_shadows, direct, rays)
     interpolate = partial(probes.interpolate, trace, where=surfaces.is_covered)
-    has_curved = is_sharp and direct.curved is not None
-    curved = direct.curved.at(surfaces) if has_curved else surfaces.position[..., :0]
+    curved = surfaces.position[..., :0] if direct.curved is None else direct.curved.at(surfaces)
     points = grid * smooth_steps(surfaces), curved, -surfaces.rays, surfaces.roughness, surfaces.f0
-    if is_sharp and rays >= DECISIVE:
+    if rays >= DECISIVE:
         pictures = _smooth_penumbras(probes, interpolate(*points), effort)
     else:
         filters = Filter(1), Filter(2, _difference)
