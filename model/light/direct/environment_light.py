@@ -59,7 +59,9 @@ class EnvironmentLight:
         ahead = torch.arange(columns, device=radiance.device)
         turned = colors.view(rows, columns, 3)[:, (ahead[:, None] + ahead) % columns].flatten(0, 1)
         arriving = torch.einsum("rs,scd->drc", cosines.clamp_min(0) * weight, turned)
-        self._irradiance = _wrapped(arriving[None], COARSE)  # 1, 3, row, column
+        beyond = arriving.roll(columns // 2, -1)  # the poles
+        arriving = torch.cat([beyond[:, :1], arriving, beyond[:, -1:]], 1)
+        self._irradiance = _wrapped(arriving[None], arriving.shape[1:])  # 1, 3, row, column
         levels = [F.adaptive_avg_pool2d(image, size)]
         for roughness in ROUGHNESS_LEVELS[1:]:
             if roughness in POOLED:
@@ -71,7 +73,8 @@ class EnvironmentLight:
 
     def irradiance(self, normal: Tensor) -> Tensor:
         """(P, 3) irradiance on a surface with this normal, W/m^2."""
-        grid = _places(normal, self._irradiance.shape[-1])
+        rows, columns = self._irradiance.shape[2:]
+        grid = _places(normal, columns) * torch.tensor([1, (rows - 2) / rows], device=normal.device)
         sampled = run_operator("grid_sampler_2d", F.grid_sample, self._irradiance, grid[None, :, None],
                                mode="bilinear", padding_mode="border", align_corners=False)
         return sampled[0, :, :, 0].T
