@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, wraps
 
@@ -81,13 +81,28 @@ class TriangleMesh:
                        attributes={name: function(layer) for name, layer in self.attributes.items()}, **changes)
 
 
-def joined(first: TriangleMesh, second: TriangleMesh) -> TriangleMesh:
-    """Two meshes with the same layers as one."""
-    join = lambda a, b: np.concatenate([a, b])  # noqa: E731
-    return replace(first, corners=join(first.corners, second.corners), normals=join(first.normals, second.normals),
-                   uv={name: join(layer, second.uv[name]) for name, layer in first.uv.items()},
-                   attributes={name: join(layer, second.attributes[name]) for name, layer in first.attributes.items()},
-                   slot=join(first.slot, second.slot))
+def joined(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
+    """Meshes as one, in the frame and with the texture space of the first; layers that one lacks are 0 there."""
+    join = np.concatenate
+    return replace(meshes[0], corners=join([mesh.corners for mesh in meshes]),
+                   normals=join([mesh.normals for mesh in meshes]), slot=join([mesh.slot for mesh in meshes]),
+                   uv=_joined_layers([mesh.uv for mesh in meshes], meshes),
+                   attributes=_joined_layers([mesh.attributes for mesh in meshes], meshes))
+
+
+def _joined_layers(layers: list[dict[str, np.ndarray]], meshes: Sequence[TriangleMesh]) -> dict[str, np.ndarray]:
+    """By name, what varies per corner, as wide as the widest."""
+    widths: dict[str, int] = {}
+    for of_mesh in layers:
+        for name, values in of_mesh.items():
+            widths[name] = max(widths.get(name, 0), values.shape[2])
+    joined = {name: np.zeros((sum(map(len, meshes)), 3, width), np.float32) for name, width in widths.items()}
+    begin = 0
+    for of_mesh, mesh in zip(layers, meshes, strict=True):
+        for name, values in of_mesh.items():
+            joined[name][begin:begin + len(mesh), :, :values.shape[2]] = values
+        begin += len(mesh)
+    return joined
 
 
 def transform(mesh: TriangleMesh, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..data.collected import Part
 from ..data.copied import Instance
-from ..data.mesh import TriangleMesh, transform
+from ..data.mesh import TriangleMesh, joined, transform
 
 Piece = tuple[Part, Instance]
 
@@ -62,29 +62,11 @@ def _joined(pieces: list[Piece]) -> Part:
 
 def _joined_mesh(pieces: list[Piece], materials: list, is_real: bool = False) -> TriangleMesh:
     """The meshes of instances, or what rays meet of them, as one in the frame of the world."""
-    meshes = [part.real if is_real and part.real is not None else part.mesh for part, _ in pieces]
-    corners, normals = map(np.concatenate, zip(*(
-        transform(mesh, instance.matrix) for mesh, (_, instance) in zip(meshes, pieces, strict=True)), strict=True))
-    row = {id(material): i for i, material in enumerate(materials)}
-    slots = [np.array([row[id(material)] for material in part.materials], np.int32)[mesh.slot]
-             for mesh, (part, _) in zip(meshes, pieces, strict=True)]
-    low, high = corners.min((0, 1)), corners.max((0, 1))
-    return replace(meshes[0], corners=corners, normals=normals, slot=np.concatenate(slots),
-                   uv=_joined_layers([mesh.uv for mesh in meshes], meshes),
-                   attributes=_joined_layers([mesh.attributes for mesh in meshes], meshes),
-                   texture_space=np.stack([(low + high) / 2, (high - low) / 2]))
-
-
-def _joined_layers(layers: list[dict[str, np.ndarray]], meshes: list[TriangleMesh]) -> dict[str, np.ndarray]:
-    """By name, what varies per corner, as wide as the widest; 0 for a mesh without it."""
-    widths: dict[str, int] = {}
-    for of_mesh in layers:
-        for name, values in of_mesh.items():
-            widths[name] = max(widths.get(name, 0), values.shape[2])
-    joined = {name: np.zeros((sum(map(len, meshes)), 3, width), np.float32) for name, width in widths.items()}
-    begin = 0
-    for of_mesh, mesh in zip(layers, meshes, strict=True):
-        for name, values in of_mesh.items():
-            joined[name][begin:begin + len(mesh), :, :values.shape[2]] = values
-        begin += len(mesh)
-    return joined
+    row, placed = {id(material): i for i, material in enumerate(materials)}, []
+    for part, instance in pieces:
+        mesh = part.real if is_real and part.real is not None else part.mesh
+        corners, normals = transform(mesh, instance.matrix)
+        slot = np.array([row[id(material)] for material in part.materials], np.int32)[mesh.slot]
+        placed.append(replace(mesh, corners=corners, normals=normals, slot=slot))
+    mesh = joined(placed)
+    return replace(mesh, texture_space=np.stack([mesh.bounds.mean(0), np.ptp(mesh.bounds, 0) / 2]))

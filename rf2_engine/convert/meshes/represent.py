@@ -38,7 +38,7 @@ def represent(mesh: TriangleMesh, tokens: TriangleMesh, is_textured: bool) -> tu
         rest, pieces = mesh.take(~large), mesh.take(large)
         pieces = pieces.mapped(quartered, slot=np.tile(pieces.slot, 4))
         token = np.concatenate([token[~large], _nearest(pieces, tokens)])
-        mesh = meshes.joined(rest, pieces)
+        mesh = meshes.joined([rest, pieces])
     return mesh, token
 
 
