@@ -9,7 +9,6 @@ from functools import partial
 
 import torch
 from torch import Tensor
-from torch.nn import functional as F
 
 from .vectors import dot, length
 
@@ -52,23 +51,21 @@ def plane_tolerance(x: Tensor, valid: Tensor) -> Tensor:
     return apart.clamp_min(NEAREST)
 
 
-def neighbour_weights(x: Tensor, n: Tensor, tolerance: Tensor, spread: int,
+def neighbour_weights(x: Tensor, n: Tensor, tolerance: Tensor, pixel: Tensor, spread: int,
                       close: float | Tensor = CLOSE, squarings: int = DIFFUSE) -> tuple[Tensor, Tensor]:
-    """Numbers, row by row, and weights (h w, 25) of the 5x5 points `spread` apart around each of h x w.
+    """Numbers, row by row, and weights (P, 25) of the 5x5 points `spread` apart around pixels (P,) of h x w.
 
-    close: as of `edge_weights`. Weights are 0 beyond the sides; they are those of the edge-avoiding wavelets that
-    denoise traced light (Dammertz et al. 2010).
+    x, n: (3, h, w); tolerance, close: as of `edge_weights`. Weights are 0 beyond the sides; they are those of the
+    edge-avoiding wavelets that denoise traced light (Dammertz et al. 2010).
     """
     h, w = tolerance.shape
-    reach = SIDE // 2 * spread
-    padded, weights = F.pad(torch.cat([x, n]), (reach,) * 4), []
-    for down, tall in enumerate(TENT):
-        for right, wide in enumerate(TENT):
-            top, left = spread * down, spread * right
-            there, normal = padded[:, top:top + h, left:left + w].split(3)
-            weights.append(tall * wide * edge_weights(there - x, normal, n, tolerance, close, squarings))
-    number = neighbour_numbers(torch.arange(h * w, device=x.device), h, w, spread)
-    return number, torch.stack(weights).flatten(1).T.contiguous()
+    number = neighbour_numbers(pixel, h, w, spread)
+    x, n, tolerance = (picture.flatten(-2) for picture in (x, n, tolerance))
+    if isinstance(close, Tensor):
+        close = close.flatten()[pixel, None]
+    weight = edge_weights(x[:, number] - x[:, pixel, None], n[:, number], n[:, pixel, None], tolerance[pixel, None],
+                          close, squarings)
+    return number, tent_weights(pixel, h, w, spread) * weight
 
 
 def neighbour_numbers(pixel: Tensor, h: int, w: int, spread: int) -> Tensor:

@@ -2,7 +2,7 @@
 """Indirect light at pixels, by probes."""
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import torch
@@ -12,7 +12,7 @@ from ...progress import part
 from ..direct.direct_light import SKY_RAYS, DirectLight
 from ..effort import Effort
 from ..hit_surfaces import HitSurfaces
-from ..probes import SMOOTH, ComputeLight, Filter, Probes
+from ..probes import SMOOTH, Around, ComputeLight, Filter, Probes
 from ..specular.paths import BLURRED
 from .radiosity import DiffuseLight, GlossyLight, Radiosity
 
@@ -108,17 +108,27 @@ def outgoing_radiance(radiosity: Radiosity, direct: DirectLight | None, effort: 
         return {"bounced": bounced, "complete": bounced + (arriving if fire is None else arriving + fire)}
 
 
-def _contrast(light: Tensor, neighbours: Tensor) -> Tensor:
+def _contrast(light: Tensor, around: Around) -> Callable[[Tensor, Tensor], Tensor]:
     """Difference of the first three channels, RGB: it changes fast where surfaces touch."""
-    light, other = light[:, None, :3], light[:, :3][neighbours]
-    return ((light - other).abs() / (light + other).clamp_min(1e-9)).amax(-1) / CONTRAST
+    rgb = light[:, :3]
+
+    def differ(row: Tensor, number: Tensor) -> Tensor:
+        own, other = rgb[row, None], rgb[number]
+        return ((own - other).abs() / (own + other).clamp_min(1e-9)).amax(-1) / CONTRAST
+
+    return differ
 
 
-def _contrast_over_noise(light: Tensor, neighbours: Tensor) -> Tensor:
+def _contrast_over_noise(light: Tensor, around: Around) -> Callable[[Tensor, Tensor], Tensor]:
     """Difference of the mean of the first three channels over that which noise, the last channel, explains."""
-    grey, variance = light[:, :3].mean(1), light[:, -1].square()[neighbours].mean(1)
-    variance = torch.maximum(variance, variance[neighbours].mean(1))
-    return (grey[:, None] - grey[neighbours]).abs() / (variance[:, None] + variance[neighbours]).sqrt().clamp_min(1e-9)
+    grey, variance = light[:, :3].mean(1), around(light[:, -1].square())
+    variance = torch.maximum(variance, around(variance))
+
+    def differ(row: Tensor, number: Tensor) -> Tensor:
+        noise = (variance[row, None] + variance[number]).sqrt()
+        return (grey[row, None] - grey[number]).abs() / noise.clamp_min(1e-9)
+
+    return differ
 
 
 def _named(light: DiffuseLight | GlossyLight) -> dict[str, Tensor]:

@@ -2,6 +2,7 @@
 """Direct light at pixels: closed forms at every pixel, shadows at probes."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -12,7 +13,7 @@ from torch.nn import functional as F
 from ...progress import part
 from ..effort import Effort
 from ..hit_surfaces import HitSurfaces
-from ..probes import SMOOTH, ComputeLight, Filter, Light, Probes
+from ..probes import SMOOTH, Around, ComputeLight, Filter, Light, Probes, varies
 from ..sampling import r2_starts
 from .direct_light import DirectLight, LobeVisibility
 from .footprints import footprints, offsets_within, smooth_steps
@@ -83,16 +84,31 @@ def _shadows(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, effort:
     of_pixel = max(effort.of(SHADOW_RAYS), SHADOW_RAYS)
     rays = max(min(of_pixel // max(len(direct.emitters), 1), effort.of(EMITTER_RAYS)), 1)
     grid = min(max(shadow_grid(len(direct.emitters)), effort.shadow_grid), probes.grid)
-    probes, trace = Probes(*probes.picture, grid, grid, probes.separation), partial(_trace_shadows, direct, rays)
-    interpolate = partial(probes.interpolate, trace, where=surfaces.is_covered)
+    coarse, fine = (Probes(*probes.picture, pixels, grid, probes.separation) for pixels in (probes.grid, grid))
+    trace, steps = partial(_trace_shadows, direct, rays), smooth_steps(surfaces)
     curved = surfaces.position[..., :0] if direct.curved is None else direct.curved.at(surfaces)
-    points = grid * smooth_steps(surfaces), curved, -surfaces.rays, surfaces.roughness, surfaces.f0
-    if rays >= DECISIVE:
-        pictures = _smooth_penumbras(probes, interpolate(*points), effort)
-    else:
+    gloss = curved, -surfaces.rays, surfaces.roughness, surfaces.f0
+    if rays < DECISIVE:
         filters = Filter(1), Filter(2, _difference)
-        pictures = interpolate(*points, filters=filters[:effort.smoothings])
+        pictures = fine.interpolate(trace, grid * steps, *gloss, where=surfaces.is_covered,
+                                    filters=filters[:effort.smoothings])
+    else:
+        pictures = _smooth_penumbras(fine, _trace_penumbras(coarse, fine, trace, steps, *gloss), effort)
     return pictures["diffuse"], pictures["glossy"]
+
+
+def _trace_penumbras(coarse: Probes, fine: Probes, trace: ComputeLight, steps: Tensor, *gloss: Tensor) -> Light:
+    """Visibility that is traced at coarse probes, whose rays start all over their cells, and at fine ones where it is
+    not the same at all around."""
+    covered = fine.picture[2]
+    if coarse.grid == fine.grid:
+        return fine.interpolate(trace, fine.grid * steps, *gloss, where=covered)
+    cell = torch.full_like(steps[..., :1, :1], fine.grid)
+    cell[coarse.rows[:, None], coarse.columns] = coarse.grid
+    pictures = coarse.interpolate(trace, cell * steps, *gloss, where=covered)
+    is_penumbra = varies(torch.cat(list(pictures.values()), -1), coarse.grid)[..., None]
+    traced = fine.interpolate(trace, fine.grid * steps, *gloss, where=covered & is_penumbra)
+    return {name: torch.where(is_penumbra, traced[name], picture) for name, picture in pictures.items()}
 
 
 def _smooth_penumbras(probes: Probes, visibility: Light, effort: Effort) -> Light:
@@ -112,16 +128,16 @@ def _known(*names: str) -> ComputeLight:
     return lambda x, n, number, *pictures: dict(zip(names, pictures, strict=True))
 
 
-def _difference(visibility: Tensor, neighbours: Tensor) -> Tensor:
+def _difference(visibility: Tensor, around: Around) -> Callable[[Tensor, Tensor], Tensor]:
     """Difference of the diffuse lobe's, which comes first."""
     diffuse = visibility[:, :3]
-    return (diffuse[neighbours] - diffuse[:, None]).abs().amax(-1) / PENUMBRA
+    return lambda row, number: (diffuse[number] - diffuse[row, None]).abs().amax(-1) / PENUMBRA
 
 
-def _difference_at_edges(visibility: Tensor, neighbours: Tensor) -> Tensor:
+def _difference_at_edges(visibility: Tensor, around: Around) -> Callable[[Tensor, Tensor], Tensor]:
     """The same, and none within penumbras; how far a probe is at an edge comes last."""
-    is_edge = visibility[:, -1]
-    return _difference(visibility, neighbours) * (is_edge[neighbours] + is_edge[:, None]) / 2
+    is_edge, differ = visibility[:, -1], _difference(visibility, around)
+    return lambda row, number: differ(row, number) * (is_edge[number] + is_edge[row, None]) / 2
 
 
 def _trace_shadows(direct: DirectLight, rays: int, x: Tensor, n: Tensor, number: Tensor, steps: Tensor,

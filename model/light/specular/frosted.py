@@ -66,7 +66,7 @@ def _frosted(light: Tensor, surfaces: HitSurfaces, end: Tensor, is_end: Tensor) 
         return (dot(apart, apart) - dot(apart, rays[row, None]).square()).clamp_min_(0)
 
     for spread in SPREADS:
-        number, weight = (values[row] for values in neighbour_weights(x, n, tolerance, spread, close))
+        number, weight = neighbour_weights(x, n, tolerance, row, spread, close)
         if width2 is None:
             near = _means(nearness[..., None], number, weight * is_found[number])[:, 0]
             width = torch.maximum(LOBE * lobe.flatten()[row] / near.clamp_min(1e-6), PIXELS * tolerance.flatten()[row])
