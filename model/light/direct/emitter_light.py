@@ -145,8 +145,9 @@ class EmitterLight:
         direction, sine2, in_beam = self.shapes.directions(x, n)
         cosine = cosines(direction, n)
         lobes = [self.shapes.form_factor(x, n, cosine, sine2) * in_beam]
-        if gloss:
-            lobes.append(self.shapes.glossy(x, n, direction, sine2, *gloss) * in_beam)
+        if gloss:  # of one emitter any lobe has the same share
+            lobes.append(self.shapes.glossy(x, n, direction, sine2, *gloss) * in_beam if len(self) > 1
+                         else torch.ones_like(in_beam))
         visible = self._shadows.visible(origin, n, start, lobes[0] > 0, direction)
         share, power = visible.mean(-1), lobes[0] * self._to_diffuse.mean(1)
         spread2 = (power.square() * share * (1 - share)).sum(1, keepdim=True).clamp_min(0)
