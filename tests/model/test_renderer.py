@@ -119,12 +119,12 @@ def test_padding_keeps_the_windows_of_the_picture_and_repeats_its_edge():
 @pytest.mark.parametrize("hinted, off", [(True, 1.5e-2), (False, 1e-2)])
 def test_a_part_looks_as_it_does_in_the_picture(renderer, hinted, off):
     """Nearly: the network does not see what lies outside of the part, and its few rays are others."""
-    scene, (view, guides) = floor_scene(), floor_view(320, 192)
+    encoded, (view, guides) = renderer.encode(floor_scene()), floor_view(320, 192)
     if hinted:
-        guides.traced = 0.8 * renderer.encode(scene).view(view, guides)
+        guides.traced = 0.8 * encoded.view(view, guides)
     x, y, width, height = 70, 50, 100, 90
-    expected = renderer.encode(scene).view(view, guides)[y:y + height, x:x + width]
-    actual = renderer.encode(scene).view(*part_of(view, guides, x, y, width, height))
+    expected = encoded.view(view, guides)[y:y + height, x:x + width]
+    actual = encoded.view(*part_of(view, guides, x, y, width, height))
     assert actual.shape == expected.shape
     assert np.abs(actual - expected).mean() < off * expected.mean()
 

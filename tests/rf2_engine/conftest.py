@@ -29,11 +29,14 @@ _install()
 
 @pytest.fixture
 def few_rays(monkeypatch):
-    """Estimates of light take a sixth of their rays: quick and noisy, for tests that are not about the quality.
+    """Estimates of light take a sixth of their rays and patches: quick and noisy, for tests that are not about the
+    quality.
 
     A module whose tests are about it overrides this fixture with one that does nothing.
     """
+    from bl_ext.user_default.renderformer_v2.model.light.bounce import patches
     from bl_ext.user_default.renderformer_v2.model.light.effort import Effort
+    monkeypatch.setattr(patches, "PATCHES", patches.PATCHES // 6)
     monkeypatch.setattr(Effort, "of", lambda self, count, of=Effort.of: of(self, count / 6))
     monkeypatch.setattr(Effort, "of_picture", lambda self, pixels: self)
 
