@@ -4,6 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....model import progress
+from ..data.mesh import PIECE
+from ..shading.coordinates import PER_ISLAND
+from ..shading.input_nodes import INFO
+from ..shading.noise.hashing import LARGEST, jenkins
+
 STORED = {  # how Cycles knows an attribute: where its numbers are, and how many
     "FLOAT": ("value", 1), "INT": ("value", 1), "INT8": ("value", 1), "BOOLEAN": ("value", 1), "FLOAT2": ("vector", 2),
     "FLOAT_VECTOR": ("vector", 3), "FLOAT_COLOR": ("color", 4), "BYTE_COLOR": ("color", 4), "QUATERNION": ("value", 4)}
@@ -28,6 +34,9 @@ class RequestedAttributes:
             for node in tree.nodes:
                 if node.bl_idname == "ShaderNodeAttribute":
                     self.names[node.attribute_type].add(node.attribute_name)
+                elif node.bl_idname in INFO:
+                    self.names[MESH].update(INFO[node.bl_idname] + output.name
+                                            for output in node.outputs if output.is_linked)
         scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
         self.view_layer_properties = _first(self.names[VIEW_LAYER], layer, scene, scene.world)
         self.instances: dict[int, _Instances] = {}  # by pointer of the instancer
@@ -56,6 +65,13 @@ class RequestedAttributes:
         return {name: tuple(rows[index].tolist()) for name, rows in instances.values.items()}
 
 
+def read_layers(data, names, domain: str) -> dict[str, np.ndarray]:
+    """(k, c) f32 of the attributes of hair or points that are called `names`, by name."""
+    read = {name: _values(data.attributes[name]) for name in names
+            if name in data.attributes and data.attributes[name].domain == domain}
+    return {name: values for name, values in read.items() if values is not None}
+
+
 def read_attributes(mesh, names, loop: np.ndarray, vertex: np.ndarray, polygon: np.ndarray) -> dict[str, np.ndarray]:
     """(n, 3, c) f32 of the attributes called `names`, and of all colour attributes, at the corners of n triangles.
 
@@ -70,7 +86,31 @@ def read_attributes(mesh, names, loop: np.ndarray, vertex: np.ndarray, polygon: 
             values = EDGES.get(attribute.data_type, np.asarray)(_at_vertices(mesh, values)).astype(np.float32)
         index = {"CORNER": loop, "FACE": np.repeat(polygon[:, None], 3, axis=1)}.get(attribute.domain, vertex)
         result[attribute.name] = values[index]
+    if PER_ISLAND in names:
+        island = (jenkins(_islands(mesh)) / LARGEST)[vertex[:, 0]]
+        result[PER_ISLAND] = np.broadcast_to(island[:, None, None], (*vertex.shape, 1))
     return result
+
+
+def _islands(mesh) -> np.ndarray:
+    """(vertices,) the vertex that Cycles knows the island of each by: the root of a disjoint set, joined by rank."""
+    parent, rank = list(range(len(mesh.vertices))), [0] * len(mesh.vertices)
+
+    def root(x: int) -> int:
+        while parent[x] != x:
+            parent[x] = x = parent[parent[x]]
+        return x
+
+    for i, (x, y) in enumerate(read_values(mesh.edges, "vertices", (2,), np.int32).tolist()):
+        if not i % PIECE:
+            progress.report()
+        x, y = root(x), root(y)
+        if x != y:
+            if rank[x] < rank[y]:
+                x, y = y, x
+            parent[y] = x
+            rank[x] += rank[x] == rank[y]
+    return np.array([root(x) for x in range(len(parent))], np.uint32)
 
 
 def _at_vertices(mesh, values: np.ndarray) -> np.ndarray:

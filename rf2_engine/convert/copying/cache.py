@@ -34,11 +34,13 @@ class MeshCache:
             self._entries.pop(key, None)
         return self._get(key, owner, lambda own: _read(obj, own, requested), report)
 
-    def strands_of(self, obj, pointer: int, read: Callable[[Report], Strands], report: Report) -> Strands:
+    def strands_of(self, obj, pointer: int, read: Callable[[Report, set[str]], Strands], requested: set[str],
+                   report: Report) -> Strands:
         """Hair or points of an evaluated object, known by a pointer, which `read` gives unless they are in the cache.
         """
         owner = obj.original.session_uid
-        return self._get((owner, pointer, obj.name), owner, read, report)
+        key = owner, pointer, obj.name, *sorted(requested)
+        return self._get(key, owner, lambda own: read(own, requested), report)
 
     def _get(self, key: tuple, owner: int, read: Callable[[Report], TriangleMesh | Strands], report: Report):
         self._used.add(key)

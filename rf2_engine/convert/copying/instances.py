@@ -141,7 +141,7 @@ class _Walk:
         slots, is_dark = self._slots(obj), obj.original in self.linking.dark
         key = pointer, None, hidden, is_dark, *slots
         if key not in self._surfaces:
-            hair = self.cache.meshes.strands_of(obj, pointer, read, self.report)
+            hair = self.cache.meshes.strands_of(obj, pointer, read, self.requested.names[MESH], self.report)
             self._surfaces[key] = CopiedMesh(pointer, hair.tokens, slots, False, hidden, is_dark,
                                              strands_slot=min(slot, len(slots) - 1), real=hair.real)
         self.copied.objects.append((self._surfaces[key], instance))

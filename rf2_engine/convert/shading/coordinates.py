@@ -7,11 +7,11 @@ import numpy as np
 from ..data.arrays import join, unit
 from ..data.blocks import Frame
 from . import lamp_nodes
+from .input_nodes import GEOMETRY
 from .node_call import DependsOnView, NodeCall, Unknown
 
 WORLD_COORDINATES = ("Generated", "Object", "Normal", "Reflection", "UV")
-MIDDLE = {"Pointiness": "Pointiness is the same everywhere, as on a flat surface",
-          "Random Per Island": "all islands of a mesh get the same number"}
+PER_ISLAND = GEOMETRY + "Random Per Island"  # an attribute
 
 
 def coordinate(n: NodeCall):
@@ -64,9 +64,11 @@ def geometry(n: NodeCall):
     if name == "Backfacing":
         n.evaluator.depends_on_side = True
         return np.array([n.points.is_behind], np.float32)
-    if name in MIDDLE:
-        n.bake_or_report(MIDDLE[name])
+    if name == "Pointiness":
+        n.bake_or_report("Pointiness is the same everywhere, as on a flat surface")
         return np.full(1, 0.5, np.float32)
+    if name == "Random Per Island":
+        return points.attributes.get(PER_ISLAND, np.zeros(1, np.float32))
     if name == "Incoming":
         raise DependsOnView(f'"{name}" depends on the view')
     if points.corners is None or name == "Parametric":

@@ -12,6 +12,9 @@ from .noise.hashing import LARGEST, jenkins
 
 BOUNCED = "Ray Depth", "Ray Length"  # one bounce away from the camera
 SINES2 = (np.arange(64) + 0.5) / 64  # squared sines of directions that are spread as light on a matte surface
+CURVES_INFO, POINT_INFO, GEOMETRY = "Curves Info ", "Point Info ", "Geometry "
+# Nodes whose outputs are attributes, if a mesh has them: they are called by this and the output.
+INFO = {"ShaderNodeHairInfo": CURVES_INFO, "ShaderNodePointInfo": POINT_INFO, "ShaderNodeNewGeometry": GEOMETRY}
 PATHS = {  # outputs of Light Path that are 1
     Ray.CAMERA: ("Is Camera Ray",),
     Ray.DIFFUSE: ("Is Diffuse Ray", "Is Reflection Ray", "Diffuse Depth", *BOUNCED),
@@ -114,7 +117,15 @@ def particle_info(n: NodeCall):
 
 def strand_info(n: NodeCall):
     """Curves Info and Point Info: all 0 on meshes."""
-    return np.zeros(3 if n.output.type == "VECTOR" else 1, np.float32)
+    values = n.points.attributes.get(INFO[n.kind] + n.output.name)
+    if values is None:
+        return np.zeros(3 if n.output.type == "VECTOR" else 1, np.float32)
+    if n.output.name == "Position":
+        matrix = np.float32(n.instance().matrix)
+        return values @ matrix[:3, :3].T + matrix[:3, 3]
+    if n.output.name in ("Thickness", "Radius"):
+        return values * np.cbrt(abs(np.linalg.det(n.linear_matrix())))
+    return values
 
 
 def property_of(n: NodeCall, name: str, kind: str) -> np.ndarray | None:

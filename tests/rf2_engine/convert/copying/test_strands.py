@@ -7,6 +7,10 @@ import pytest
 from bl_ext.user_default.renderformer_v2.model.first_hits.camera_rays import cast_guides
 from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.mesh import areas
+
+from tests.rf2_engine.convert.cycles_reference import material
+from tests.rf2_engine.f12 import press_f12
 
 SIZE = 64
 
@@ -53,7 +57,7 @@ def add(kind, material):
     made = kind(material)
     if kind is grown:
         return made
-    if kind is hair:
+    if isinstance(made, bpy.types.Curves):
         made.materials.append(material)
         obj = bpy.data.objects.new("Hair", made)
     else:
@@ -86,6 +90,57 @@ def test_hair_is_met_where_its_emitter_is_hidden(scene, converted, add_material)
     assert len(hair_alone) > 200
     assert 1 <= len(both) - len(hair_alone) <= 100  # those of the emitter
     assert np.ptp(hair_alone.triangles[..., 2], axis=1).min() > 0
+
+
+def three_strands(material):
+    """Upright strands of different lengths, whose attribute "tint" grows along them."""
+    curves = bpy.data.hair_curves.new("Hair")
+    curves.add_curves([4] * 3)
+    place = np.zeros((3, 4, 3), np.float32)
+    place[..., 0], place[..., 2] = [[-0.6], [0], [0.6]], np.float32([[0.4], [0.7], [1]]) * [-1, -0.5, 0.5, 1]
+    curves.points.foreach_set("position", place.ravel())
+    curves.points.foreach_set("radius", np.full(12, 0.1, np.float32))
+    curves.attributes.new("tint", "FLOAT", "POINT").data.foreach_set("value", np.tile(np.float32([0, 0.2, 0.4, 1]), 3))
+    return curves
+
+
+def three_points(material):
+    """Balls of different sizes in a row, by geometry nodes, with an attribute "tint"."""
+    tree = cloud(material)
+    points, dress = tree.nodes["Points"], tree.nodes["Set Material"]
+    points.inputs["Count"].default_value = 3
+    index, size, place, store = (tree.nodes.new(kind) for kind in (
+        "GeometryNodeInputIndex", "ShaderNodeMath", "ShaderNodeCombineXYZ", "GeometryNodeStoreNamedAttribute"))
+    size.operation, size.inputs[0].default_value, size.inputs[1].default_value = "MULTIPLY_ADD", 0.1, 0.1
+    store.inputs["Name"].default_value = "tint"
+    size.inputs[2].default_value = 0.1
+    for source, target in ((index.outputs[0], size.inputs[0]), (index.outputs[0], place.inputs[0]),
+                           (place.outputs[0], points.inputs["Position"]), (size.outputs[0], points.inputs["Radius"]),
+                           (size.outputs[0], next(s for s in store.inputs if s.name == "Value" and s.enabled)),
+                           (points.outputs[0], store.inputs["Geometry"]), (store.outputs[0], dress.inputs["Geometry"])):
+        tree.links.new(source, target)
+    return tree
+
+
+@pytest.mark.parametrize("kind, node, output", [
+    (three_strands, "ShaderNodeHairInfo", "Intercept"), (three_strands, "ShaderNodeHairInfo", "Length"),
+    (three_strands, "ShaderNodeHairInfo", "Thickness"), (three_points, "ShaderNodePointInfo", "Radius"),
+    (three_points, "ShaderNodePointInfo", "Position")])
+def test_hair_and_points_have_attributes_and_numbers(scene, converted, tmp_path, kind, node, output):
+    shining, tree, emission = material("ShaderNodeEmission")
+    join, info, tint = (tree.nodes.new(k) for k in ("ShaderNodeCombineColor", node, "ShaderNodeAttribute"))
+    tint.attribute_name = "tint"
+    for i, source in enumerate((info.outputs[output], info.outputs["Random"], tint.outputs["Fac"])):
+        tree.links.new(source, join.inputs[i])
+    tree.links.new(join.outputs[0], emission.inputs["Color"])
+    obj = add(kind, shining)
+    obj.location, obj.scale = (0.2, 0, 0.1), (0.5, 0.5, 0.5)
+    result = converted()
+    shines = areas(result.triangles) @ result.emission / areas(result.triangles).sum()
+    scene.render.engine, scene.cycles.samples, scene.render.film_transparent = "CYCLES", 16, True
+    scene.render.resolution_x = scene.render.resolution_y = 4 * SIZE
+    seen = press_f12(scene, tmp_path)["ViewLayer.Combined"].sum(axis=(0, 1))
+    np.testing.assert_allclose(shines, seen[:3] / seen[3], rtol=0.06)
 
 
 def seen_by_cycles(scene) -> float:

@@ -75,7 +75,8 @@ SOME = [
     Case("ShaderNodeRGBCurve", {"Color": "color"}, prepare=bent),
     Case("ShaderNodeNormal", {"Normal": "at"}, output="Dot"),
     *(Case("ShaderNodeObjectInfo", output=i) for i in range(6)),
-    *(Case("ShaderNodeNewGeometry", output=name) for name in ("Position", "Normal", "True Normal")),
+    *(Case("ShaderNodeNewGeometry", output=name)
+      for name in ("Position", "Normal", "True Normal", "Random Per Island")),
     Case("ShaderNodeTexCoord", output="Normal"), Case("ShaderNodeTexCoord", output="Generated"),
     *(Case("ShaderNodeParticleInfo", output=name) for name in ("Random", "Size")),
     Case("ShaderNodeBump", {"Height": "height", "Distance": 0.4, "Strength": 0.7}),
