@@ -24,7 +24,7 @@ from .end_albedo import mean_albedo
 from .facets import pixel_starts, rough_facets
 from .follow_paths import follow_paths
 from .glass import Cast, lost, mirrored_by_plates
-from .path_lobes import LIFT
+from .path_lobes import LIFT, first_reach
 from .paths import BLURRED, Casts, Media, PathEnds, Sheets
 
 PATHS = 1 << 18  # of a lobe, at most
@@ -152,7 +152,7 @@ def _first_segments(guides: Guides, scene: RenderScene, view: View, cast: Cast, 
     _, inside, texel = surface(scene, triangle, position, rays)
     inside &= is_known
     if start is None:
-        lift = LIFT * np.linalg.norm(position - eye, axis=1, keepdims=True)
+        lift = LIFT * first_reach(position, eye)[:, None]
         gain = mirrored_by_plates(scene, cast, position, lift, rays, normal, texel, inside)
         return FirstSegments(position, reflected(rays, normal), eye, np.where(is_known[:, None], gain, 1))
     facet = rough_facets(rays, normal, texel[:, ROUGHNESS], start, 0)

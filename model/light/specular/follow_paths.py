@@ -8,12 +8,12 @@ from __future__ import annotations
 import numpy as np
 
 from ...beams import beam_share
-from ...geometry import dot
+from ...geometry import dot, unit
 from ...scene import RenderScene
 from ...shading import emission_share, seen_sky
 from ...surface_kinds import Ray
 from .glass import Cast
-from .path_lobes import LIFT
+from .path_lobes import LIFT, first_reach
 from .paths import SURFACES, Casts, Hits, Media, PathEnds, Paths, Sheets
 from .scattering import scattered
 
@@ -34,10 +34,10 @@ def follow_paths(scene: RenderScene, casts: Casts, origin: np.ndarray, direction
     half-transparent surfaces; what shines straight behind these is not in the light, nor are lamps that the `lobe`
     shows. entry: (P, 3) normals of the sides at which paths have entered glass; by default, and 0, they have not.
     """
-    ends, shines = PathEnds.none(len(origin)), scene.is_light
-    none, reach = np.zeros((len(origin), 3), np.float32), np.linalg.norm(origin - eye, axis=1)
+    ends, shines, reach = PathEnds.none(len(origin)), scene.is_light, first_reach(origin, eye)
+    none, lift = np.zeros((len(origin), 3), np.float32), LIFT * reach[:, None]
     paths = Paths(
-        np.arange(len(origin)), origin + LIFT * reach[:, None] * direction, direction, origin - LIFT * (origin - eye),
+        np.arange(len(origin)), origin + lift * direction, direction, origin - lift * unit(origin - eye),
         np.ones_like(none), reach, np.full(len(origin), Ray.GLOSSY if start is None else Ray.TRANSMISSION, np.uint8),
         none if entry is None else entry, np.zeros(len(origin), bool) if sheets is None else sheets.straight,
         np.ones(len(origin), bool), start)

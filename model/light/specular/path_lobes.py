@@ -15,7 +15,14 @@ from . import facets
 from .glass import PURE, TURBID, Cast, tint_of_surface
 
 LIFT = 1e-4        # of the longest segment so far, that a ray starts off its surface
+ROUNDING = 2 * float(np.finfo(np.float32).eps)  # of coordinates, by which points may lie off their surface
 LEAST_BLUR = 0.03  # roughness of smooth surfaces in which lamps are mirrored
+
+
+def first_reach(position: np.ndarray, eye: np.ndarray) -> np.ndarray:
+    """(P,) lengths of segments from an eye, (3,) or (P, 3), to points (P, 3), or longer ones, far from the world's
+    origin, so that LIFT of them is more than coordinates are rounded by."""
+    return np.maximum(np.linalg.norm(position - eye, axis=1), ROUNDING / LIFT * np.abs(position).max(axis=1))
 
 
 @dataclass

@@ -254,6 +254,14 @@ def test_a_path_is_not_held_by_a_surface_that_it_meets_where_it_starts():
     np.testing.assert_allclose(shown(found), [RED], atol=1e-3)
 
 
+def test_far_from_the_worlds_origin_a_path_leaves_the_surface_at_which_it_starts():
+    start = np.float32([(1e5, 0, 0)])
+    rounded = np.nextafter(start[0, 0], np.float32(np.inf))
+    scene = walls((rounded, -1, constant_tile(GOLD)), (1e5 + 4, -1, constant_tile(RED)))
+    found = follow_paths(scene, Casts(along_x(scene)), start, np.float32([(1, 0, 0)]), eye=start[0] - (5, 0, 0))
+    np.testing.assert_allclose(shown(found), [RED], atol=1e-3)
+
+
 def test_a_path_ends_at_what_glass_stands_on_whichever_of_both_a_ray_happens_to_meet():
     glass = constant_tile((1, 1, 1), roughness=0.0, ior=1.5, transmission=1.0)
     scene = walls((1, -1, glass), (3, 1, glass), (3, -1, constant_tile(RED)), (5, -1, constant_tile(GOLD)))
