@@ -64,7 +64,7 @@ def prepare_scene(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         _set_camera(depsgraph, camera, override)
         _set_catchers(depsgraph, camera.catchers, override)
     if options.light is Light.NONE:
-        _leave_out_light(depsgraph, override, occluding=depsgraph.view_layer_eval.use_pass_ambient_occlusion)
+        _leave_out_light(depsgraph, override)
         if camera.is_blurred and compat.has_openimagedenoise():
             override(scene, _DENOISED)
     elif options.light is Light.TRACED:
@@ -108,13 +108,20 @@ def _set_catchers(depsgraph: bpy.types.Depsgraph, catchers: Catchers, override: 
         override(evaluated, {"is_shadow_catcher": False})
 
 
-def _leave_out_light(depsgraph: bpy.types.Depsgraph, override: Overrides, occluding: bool) -> None:
-    """`occluding`: ambient occlusion is requested, whose rays are shadow rays."""
+def _leave_out_light(depsgraph: bpy.types.Depsgraph, override: Overrides) -> None:
+    occluding = _knows_occlusion(depsgraph)
     override(depsgraph.scene_eval, FIRST_HITS_ONLY)
     if world := compat.world(depsgraph):
         override(world, _WORLD_UNLIT)
     for evaluated in _objects(depsgraph):
         override(evaluated, _UNLIT | ({"visible_shadow": evaluated.visible_shadow} if occluding else {}))
+
+
+def _knows_occlusion(depsgraph: bpy.types.Depsgraph) -> bool:
+    """Whether a pass or a shader asks for ambient occlusion, whose rays are shadow rays."""
+    return depsgraph.view_layer_eval.use_pass_ambient_occlusion or any(
+        node.bl_idname == "ShaderNodeAmbientOcclusion"
+        for tree in depsgraph.ids if isinstance(tree, bpy.types.ShaderNodeTree) for node in tree.nodes)
 
 
 def hide_all(depsgraph: bpy.types.Depsgraph, override: Overrides) -> None:
