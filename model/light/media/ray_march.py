@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from .transmittance import Fog
+from .transmittance import SIDE, Fog
 
 
 class RayMarch(NamedTuple):
@@ -48,3 +49,13 @@ def march(fog: Fog, sent_at: Callable[[Tensor, Tensor], tuple[Tensor, Tensor]], 
         radiance += (-depths[-1]).exp() * sent * length * mean
         depths.append(depths[-1] + absorbed)
     return RayMarch(radiance, begin, length, torch.stack(depths, 1))
+
+
+def fire_along(fog: Fog, begin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> np.ndarray:
+    """(P, 3) radiance of fire at points (P, 3) along unit vectors (P, 3) for distances (P,), which may be infinite."""
+    emission = fog.as_volume(fog.emission)
+
+    def sent_at(x: Tensor, _) -> tuple[Tensor, Tensor]:
+        return fog.interpolated(emission, x), fog.extinction[fog.cells_at(x)]
+
+    return march(fog, sent_at, *fog.segments(begin, direction, distance), SIDE).radiance.cpu().numpy()

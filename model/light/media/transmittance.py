@@ -56,10 +56,14 @@ class Fog:
 
     def along(self, begin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> np.ndarray:
         """(P, C) the same from points (P, 3) along unit vectors (P, 3) for distances (P,), which may be infinite."""
+        return self.transmittance(*self.segments(begin, direction, distance)).cpu().numpy()
+
+    def segments(self, begin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> tuple[Tensor, Tensor]:
+        """Both ends (P, 3) of the same, those that are infinite as long as the grid reaches at least."""
         begin, direction, distance = (torch.from_numpy(x).to(self.low) for x in (begin, direction, distance))
         size = SIDE * self.cell
-        farthest = (begin - self.low - size / 2).norm(dim=-1) + size.norm()  # at least as far as the grid reaches
-        return self.transmittance(begin, begin + torch.minimum(distance, farthest)[:, None] * direction).cpu().numpy()
+        farthest = (begin - self.low - size / 2).norm(dim=-1) + size.norm()
+        return begin, begin + torch.minimum(distance, farthest)[:, None] * direction
 
     def crossed(self, begin: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
         """Shares (..., 1) of rays (..., 3) from points (..., 3) at which they enter and leave the grid."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import fields as dataclass_fields
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -68,12 +69,12 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
     masks = {lobe: mask for lobe, mask in masks.items() if mask.any()}
     if not masks:
         return guides
-    media = _media(scene)
+    media, fire = _media(scene)
     fields = {}
     for lobe, mask in masks.items():
         step = max(math.ceil(math.sqrt(mask.sum() / PATHS)), 1)
         rows, columns = (step * index for index in np.nonzero(mask[::step, ::step]))
-        ends = _follow(guides, scene, view, lobe, rows, columns, step, media)
+        ends = _follow(guides, scene, view, lobe, rows, columns, step, media, fire)
         for name, value in _values(scene, ends, lobe, rows // step, columns // step).items():
             picture = np.zeros((*mask.shape, value.shape[1]), np.float32 if name.endswith(FULL) else np.float16)
             picture[rows, columns] = value
@@ -83,7 +84,7 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
 
 
 def _follow(guides: Guides, scene: RenderScene, view: View, lobe: PathLobe, rows: np.ndarray, columns: np.ndarray,
-            step: int, media: Media | None) -> PathEnds:
+            step: int, media: Media | None, fire: Media | None) -> PathEnds:
     """Of the paths of some pixels, every `step`-th."""
     rays = scene_rays(scene)
     passes_sheets = guides.straight is not None and lobe.ray == Ray.TRANSMISSION
@@ -97,7 +98,8 @@ def _follow(guides: Guides, scene: RenderScene, view: View, lobe: PathLobe, rows
         start = pixel_starts(rows // step, columns // step) if lobe.ray == Ray.TRANSMISSION else None
         first = _first_segments(guides, scene, view, casts.everything, rows, columns, start)
         sheets = Sheets(clear, guides.straight[rows, columns], seen) if passes_sheets else None
-        ends = follow_paths(scene, casts, first.position, first.direction, first.eye, media, start, sheets, first.entry)
+        ends = follow_paths(scene, casts, first.position, first.direction, first.eye, media, start, sheets, first.entry,
+                            fire)
         ends.scale(first.factor)
         return ends
 
@@ -123,12 +125,14 @@ def _values(scene: RenderScene, ends: PathEnds, lobe: PathLobe, row: np.ndarray,
     return values
 
 
-def _media(scene: RenderScene) -> Media | None:
-    """What dims light along paths; None where nothing does."""
-    if not scene.volumes:
-        return None
-    from ..media.transmittance import fog_of  # PyTorch, which takes seconds to import
-    return fog_of(scene, reach=math.inf).along
+def _media(scene: RenderScene) -> tuple[Media | None, Media | None]:
+    """What dims light along paths, and what adds to it; None where nothing does."""
+    if not scene.volumes and scene.fire is None:
+        return None, None
+    from ..media.ray_march import fire_along  # PyTorch, which takes seconds to import
+    from ..media.transmittance import fog_of
+    fog = fog_of(scene, reach=math.inf)
+    return fog.along if scene.volumes else None, None if fog.emission is None else partial(fire_along, fog)
 
 
 class FirstSegments(NamedTuple):

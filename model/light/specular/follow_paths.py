@@ -23,16 +23,17 @@ LAMPS = 4          # that do not shine on it a path passes at a time
 
 def follow_paths(scene: RenderScene, casts: Casts, origin: np.ndarray, direction: np.ndarray, eye: np.ndarray,
                  media: Media | None = None, start: np.ndarray | None = None, sheets: Sheets | None = None,
-                 entry: np.ndarray | None = None) -> PathEnds:
+                 entry: np.ndarray | None = None, fire: Media | None = None) -> PathEnds:
     """Follow paths from world points (P, 3) along unit directions (P, 3); none may start at a lamp.
 
     A path that has met SURFACES surfaces ends at the last one as if that were matte, or is lost in glass. eye: (3,) or
     (P, 3), the point from which the origins are seen. What lies in exactly the same plane as glass is black behind
     that, as in Cycles, whose rays go to and fro between both. media: share of light (S, 1 or 3) that gets from points
-    (S, 3) along directions (S, 3) for distances (S,). start: (P, 2) of `pixel_starts`, of refractions, which meet
-    facets of rough glass; None of reflections, which take glass for smooth. sheets: of refractions, where some begin on
-    half-transparent surfaces; what shines straight behind these is not in the light, nor are lamps that the `lobe`
-    shows. entry: (P, 3) normals of the sides at which paths have entered glass; by default, and 0, they have not.
+    (S, 3) along directions (S, 3) for distances (S,); fire: the radiance (S, 3) that they add to it. start: (P, 2) of
+    `pixel_starts`, of refractions, which meet facets of rough glass; None of reflections, which take glass for smooth.
+    sheets: of refractions, where some begin on half-transparent surfaces; what shines straight behind these is not in
+    the light, nor are lamps that the `lobe` shows. entry: (P, 3) normals of the sides at which paths have entered
+    glass; by default, and 0, they have not.
     """
     ends, shines, reach = PathEnds.none(len(origin)), scene.is_light, first_reach(origin, eye)
     none, lift = np.zeros((len(origin), 3), np.float32), LIFT * reach[:, None]
@@ -45,12 +46,14 @@ def follow_paths(scene: RenderScene, casts: Casts, origin: np.ndarray, direction
         if not len(paths.row):
             break
         hits = _find_hits(scene, paths, casts, sheets)
+        segment = paths.origin, paths.direction, np.where(hits.triangle < 0, np.inf, hits.distance)
+        if fire is not None:
+            ends.light[paths.row] += paths.tint * fire(*segment) * ~paths.is_straight[:, None]
         if media is not None:
-            until = np.where(hits.triangle < 0, np.inf, hits.distance)
-            paths.tint = paths.tint * media(paths.origin, paths.direction, until)
+            paths.tint = paths.tint * media(*segment)
         goes_on = (hits.triangle >= 0) & ~shines[scene.surfaces.token[hits.triangle]]
         past = paths.among(~goes_on)
-        ends.light[past.row] = past.tint * _arriving(scene, past, hits.among(~goes_on))
+        ends.light[past.row] += past.tint * _arriving(scene, past, hits.among(~goes_on))
         paths = scattered(scene, casts.everything, paths.among(goes_on), hits.among(goes_on), sheets, number, ends)
     return ends
 

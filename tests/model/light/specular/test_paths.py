@@ -378,3 +378,11 @@ def test_what_is_seen_through_a_medium_is_dimmed_by_the_length_of_every_segment(
     clear, dimmed = (follow_paths(scene, casts, start, ray, eye, media=each) for each in (
         None, lambda begin, direction, distance: np.exp(-distance[:, None] * np.float32((0.1, 0.2, 0.3)))))
     np.testing.assert_allclose(shown(dimmed) / shown(clear), [np.exp(-5 * np.float32((0.1, 0.2, 0.3)))], rtol=1e-3)
+
+
+def test_fire_shines_on_every_segment_in_the_colour_of_the_mirror_before_it():
+    mirror = constant_tile(GOLD, metallic=1.0, roughness=0.1)
+    scene, start, ray = walls((2, -1, mirror), (-1, 1, constant_tile())), np.zeros((1, 3)), np.float64([(1, 0, 0)])
+    found = follow_paths(scene, Casts(along_x(scene)), start, ray, np.float32((-5, 0, 0)),
+                         fire=lambda begin, direction, distance: distance[:, None] * np.ones((1, 3)))
+    np.testing.assert_allclose(found.light, [2 + 3 * np.float32(GOLD)], rtol=2e-3)
