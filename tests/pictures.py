@@ -32,7 +32,7 @@ FOLDER = Path(__file__).parent / "fixtures"
 HASHES, COPIES = FOLDER / "pictures.json", FOLDER / "pictures.npz"
 SCENES = {"room": room.build, "door_ajar": bounced.door_ajar, "glass_torus": bounced.glass_torus,
           "mirror": effects.mirror}
-SIZE = 96       # pixels
+SIZE = 64       # pixels
 BUDGET, LONGEST_EDGE = 4096, 0.2  # the defaults
 TRACED = 0.8    # of the diffuse colour, in place of light that Cycles traces
 STEP = 2        # of the rows and columns of a picture that its copy has

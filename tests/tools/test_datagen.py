@@ -111,6 +111,7 @@ def test_a_wide_scene_keeps_to_its_own_budget(tmp_path):
     assert 100 < len(scene) <= 16384 and {view.width for view in views} == {32} and len(passes) == 2
 
 
+@pytest.mark.slow
 def test_a_sky_lights_the_tokens_as_it_is_seen(tmp_path):
     generate(tmp_path, seeds=(4,), profile="wide")
     scene, views, guides, _ = load_sample(sample_path(tmp_path, 4))

@@ -154,6 +154,7 @@ def report(tmp_path_factory) -> Path:
     return folder / "report"
 
 
+@pytest.mark.slow
 def test_the_page_shows_every_view_of_every_scene_beside_cycles(report):
     page = Page(report)
     scenes = json.loads((report / "report.json").read_text())["scenes"]
@@ -165,6 +166,7 @@ def test_the_page_shows_every_view_of_every_scene_beside_cycles(report):
     assert {link.removeprefix("#") for link in page.all("a", "href")} == set(scenes)
 
 
+@pytest.mark.slow
 def test_the_page_has_the_figures_of_the_report(report):
     page, found = Page(report), json.loads((report / "report.json").read_text())
     assert {"PSNR, dB", "SSIM", "FLIP", "time, s", "triangles", "without the network",
@@ -176,6 +178,7 @@ def test_the_page_has_the_figures_of_the_report(report):
     assert f"{found['mean']['cycles_equal']['ssim']:.4f}" in page.cells
 
 
+@pytest.mark.slow
 def test_the_page_needs_nothing_from_elsewhere(report):
     page = Page(report)
     assert "//" not in page.source.replace("  // ", "") and "@import" not in page.source

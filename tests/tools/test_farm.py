@@ -111,6 +111,7 @@ def test_a_worker_without_the_weights_renders_nothing_and_fails(folder):
     assert not (folder / "none").exists()
 
 
+@pytest.mark.slow
 def test_the_command_line_that_flamenco_runs_makes_the_same_pictures(folder, whole):
     code, output = ended(blender("-b", "-y", "-t", 1, folder / "cube.blend", "--render-output",
                                  folder / "flamenco" / "######", "--render-format", "PNG", "--render-frame", "1,3..4"))

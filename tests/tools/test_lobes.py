@@ -33,7 +33,7 @@ def sample(tmp_path, monkeypatch):
     return write
 
 
-@pytest.mark.parametrize("factor", [1.0, 2.0])
+@pytest.mark.parametrize("factor", [pytest.param(1.0, marks=pytest.mark.slow), 2.0])
 def test_ratios_are_those_of_the_light(sample, factor, capsys):
     sample(factor)
     assert lobes.main() == 0

@@ -54,6 +54,7 @@ def test_the_command_writes_nine_numbers_that_the_autoencoder_shows_as_the_spher
     assert np.abs(decoded - sphere).mean() < 0.2 * sphere.mean() and sphere.std() > 0.1
 
 
+@pytest.mark.slow
 def test_so_does_a_file_of_the_rgl_database(tmp_path, monkeypatch):
     (tmp_path / "metal_rgb.bsdf").write_bytes(write_tensors(tensors()))
     monkeypatch.setattr(sys, "argv", ["measured", str(tmp_path / "metal_rgb.bsdf"), "-o", str(tmp_path / "latent.npy")])

@@ -60,6 +60,7 @@ def test_the_smoothed_difference_mends_light_that_is_missing_and_no_noise(lit):
     assert missing > 10 and noisy < 1
 
 
+@pytest.mark.slow
 def test_the_command_prints_both_settings(tmp_path):
     view, guides = floor_view()
     guides = replace(guides, traced=np.full_like(guides.diffuse_color, 0.25))

@@ -22,6 +22,7 @@ def run(monkeypatch, capsys, *arguments) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in (head, *rows)]
 
 
+@pytest.mark.slow
 def test_runtime_measures_what_is_missing_and_draws_it(tmp_path, monkeypatch, capsys):
     command = ["runtime", "-o", tmp_path, "--triangles", 300, "--fixed-triangles", 300, "--resolutions", 64,
                "--presets", "rf2_small", "--cycles-samples", 0, "--threads", 1]
@@ -48,6 +49,7 @@ def test_errors_by_triangles_have_full_attention_and_the_papers_numbers_beside_t
     assert ours["psnr"] != full["psnr"] and 15 < ours["psnr"] < 60 and 3000 < ours["triangles"] <= 4096
 
 
+@pytest.mark.slow
 def test_a_prepared_frame_is_drawn_by_us_and_by_cycles_and_shown_by_a_tone_mapper(tmp_path, monkeypatch, capsys):
     folder = frames.write(tmp_path / "cube-pile" / "frame", environment=True)
     (folder / "external").mkdir()

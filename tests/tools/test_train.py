@@ -65,6 +65,7 @@ def test_the_cache_gives_back_what_was_built(stored, tmp_path):
     same(cached_sample(stored, tmp_path), built, 2e-3)
 
 
+@pytest.mark.slow
 def test_the_cache_keeps_data_sets_apart_and_replaces_what_is_out_of_date(stored, tmp_path, monkeypatch):
     cache, other = tmp_path / "cache", tmp_path / "other" / stored.name
     cache.mkdir()

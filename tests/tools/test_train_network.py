@@ -68,6 +68,7 @@ def test_samples_are_turned_only_where_the_stage_says_so(tmp_path, augmented):
     assert all(torch.equal(corners[0], other) for other in corners[1:]) is not augmented
 
 
+@pytest.mark.slow
 def test_streams_with_any_number_of_workers_yield_together_what_one_would(tmp_path):
     for seed in range(1, 6):
         write(tmp_path / "data", seed)
@@ -196,6 +197,7 @@ def test_a_mistyped_folder_is_one_sentence(tmp_path):
     assert done.returncode == 2 and "there is no folder" in done.stderr and "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_killed_run_is_resumed_where_it_was(tmp_path):
     for seed in (1, 2):
         write(tmp_path / "data", seed)

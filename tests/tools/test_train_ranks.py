@@ -91,6 +91,7 @@ def test_a_published_network_is_tuned_by_two_as_by_one(tmp_path):
         assert (tmp_path / f"by-{n}" / "bundle" / "transformer_512" / "model.safetensors").is_file()
 
 
+@pytest.mark.slow
 def test_small_parts_are_trained_by_two_as_by_one(tmp_path):
     for n in (1, 2):
         done = launch(n, "tests.tools.rank_program", tmp_path)

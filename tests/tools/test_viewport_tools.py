@@ -25,6 +25,7 @@ def cube(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_an_orbit_swings_there_and_back(cube, tmp_path):
     said = called("tools.orbit", str(cube), str(tmp_path / "frames"), "--frames", "4", "--size", "48x32",
                   "--budget", "256")

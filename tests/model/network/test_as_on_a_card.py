@@ -175,7 +175,7 @@ class Held(TorchDispatchMode):
 
 
 @pytest.mark.parametrize("exact", [False, True], ids=["bf16", "stage 2 in float32"])
-@pytest.mark.parametrize("tokens, side", [(3000, 256), (20000, 512)])
+@pytest.mark.parametrize("tokens, side", [(3000, 256), pytest.param(20000, 512, marks=pytest.mark.slow)])
 @inference()
 def test_the_estimate_of_a_cards_memory_is_enough_and_not_much_more(tokens, side, exact, monkeypatch):
     monkeypatch.setattr(renderformer, "has_tensor_float_32", lambda device: exact)

@@ -42,7 +42,8 @@ def test_window_sink_attention_equals_a_dense_mask(length, sink, half, dtype, to
     torch.testing.assert_close(actual.float(), masked_reference(q, k, v, sink, half), atol=tolerance, rtol=tolerance)
 
 
-@pytest.mark.parametrize("rows", [300, 1024, 1 << 20], ids=["small pieces", "pieces", "whole"])
+@pytest.mark.parametrize("rows", [pytest.param(300, id="small pieces"), pytest.param(1 << 20, id="whole"),
+                                  pytest.param(1024, id="pieces", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("has_kernels", [False, True])
 @pytest.mark.parametrize("length, sink, half", SIZES)
 @pytest.mark.parametrize("dtype, tolerance", [(torch.float32, 1e-5), (torch.bfloat16, 5e-2)])
