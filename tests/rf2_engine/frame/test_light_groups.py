@@ -79,7 +79,8 @@ def seen_by_two(scene):
     scene.camera.data.stereo.interocular_distance, scene.camera.data.stereo.convergence_distance = 0.6, 6
 
 
-@pytest.mark.parametrize("change", [focused, cut, cut_by_material, seen_by_two])
+@pytest.mark.parametrize("change", [
+    focused, cut, pytest.param(cut_by_material, marks=pytest.mark.slow), seen_by_two])
 def test_groups_are_those_of_cycles_in_every_view_behind_a_lens_and_around_holdouts(grouped, tmp_path, change):
     change(grouped)
     ours = stereo_passes(grouped, tmp_path)

@@ -21,7 +21,7 @@ def velvet(roughness=0.5, node=False):
     return made
 
 
-@pytest.mark.parametrize("light", ["TRACED", "NETWORK"])
+@pytest.mark.parametrize("light", [pytest.param("TRACED", marks=pytest.mark.slow), "NETWORK"])
 @pytest.mark.parametrize("place", ["above", "beside"])
 @pytest.mark.parametrize("of", [velvet, lambda: velvet(0.8), lambda: velvet(node=True)], ids=["half", "rough", "node"])
 def test_velvet_is_as_bright_as_in_cycles(scene, tmp_path, light, place, of):

@@ -77,8 +77,9 @@ CHANGES = (material_override, excluded, indirect_only, no_sky, no_solid, no_volu
            holdout_of_a_material)
 
 
-@pytest.mark.parametrize("film_transparent", [False, True])
-@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("change, film_transparent", [
+    pytest.param(change, transparent, marks=pytest.mark.slow if (i + transparent) % 2 else ())
+    for i, change in enumerate(CHANGES) for transparent in (False, True)])
 def test_passes_and_alpha_are_those_of_cycles(still_life, tmp_path, change, film_transparent):
     layer = still_life.view_layers[0]
     change(still_life, layer)

@@ -98,7 +98,8 @@ def test_disabling_while_it_renders_cancels_and_then_takes_everything_back(tmp_p
         assert "again [True]" in output
 
 
-@pytest.mark.parametrize("engines", [("RENDERFORMER_V2",), ("RENDERFORMER_V2", "CYCLES")], ids=" ".join)
+@pytest.mark.parametrize("engines", [pytest.param(("RENDERFORMER_V2",), marks=pytest.mark.slow),
+                                     ("RENDERFORMER_V2", "CYCLES")], ids=" ".join)
 def test_an_animation_that_fails_before_its_first_frame_is_no_render_under_way(tmp_path, engines):
     output = run_program("unbegun", str(tmp_path / "frame_"), *engines)
     assert "Image too small" in output
