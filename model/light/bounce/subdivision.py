@@ -40,15 +40,15 @@ class Subdivision:
         if not len(cut):
             return
         sharp, rest = sharp_corners(self.corners[cut])[0], np.flatnonzero(count == 1)
-        weights = list(map(cache(weights_of_parts), sharp.tolist(), count[cut].tolist()))  # many are alike
-        parts = np.array([len(x) for x in weights])
-        weights, source = np.concatenate(weights), self.source[cut].repeat(parts)
+        slices = list(map(cache(_slices), sharp.tolist(), count[cut].tolist()))  # many are alike
+        weights, inverse = map(np.concatenate, zip(*slices, strict=True))
+        parts = np.array([len(own) for own, _ in slices])
+        source = self.source[cut].repeat(parts)
         first = np.arange(triangles + 1)
         counts, sharps = np.ones_like(first), np.zeros_like(first)
         first[self.source[cut]] = triangles + np.cumsum(parts) - parts
         first[-1] = -1
         counts[self.source[cut]], sharps[self.source[cut]] = count[cut], sharp
-        inverse = np.linalg.inv(weights.transpose(0, 2, 1).astype(np.float64)).astype(np.float32)
         self._slices = Slices(*map(torch.from_numpy, (first, counts, sharps, inverse)))
         self._part = np.concatenate([self.source[rest], triangles + np.arange(len(source))])
         self.source = np.concatenate([self.source[rest], source])
@@ -140,6 +140,12 @@ class PieceLocator:
         if self._is_split:
             cell = cell + _cells(weights, self._side[part])
         return self._table[cell]
+
+
+def _slices(sharp: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """`weights_of_parts` (K, 3, 3), and what makes of weights of the whole triangle those of a part, (K, 3, 3)."""
+    weights = weights_of_parts(sharp, count)
+    return weights, np.linalg.inv(weights.transpose(0, 2, 1).astype(np.float64)).astype(np.float32)
 
 
 def _cells(weights: Tensor, side: Tensor) -> Tensor:
