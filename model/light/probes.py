@@ -12,6 +12,7 @@ from torch.nn import functional as F
 
 from ..compute.inference import current_pieces
 from ..compute.threads import shared
+from ..progress import standing_still
 from .chunks import in_chunks
 from .edge_stopping import DIFFUSE, GLOSSY, SIDE, edge_weights, neighbour_weights, plane_tolerance, to_planes
 from .separation import Separation
@@ -81,7 +82,8 @@ class Probes:
         is_valid = self.at_probes(where).flatten()
         at, light, sizes = self._compute(compute, is_valid, per_pixel)
         if len(light) or where.any():
-            light = self._interpolate(compute, per_pixel, where, is_valid, at, light, filters)
+            with standing_still():
+                light = self._interpolate(compute, per_pixel, where, is_valid, at, light, filters)
         else:
             light = light.new_zeros(*where.shape[:2], light.shape[1])
         return dict(zip(sizes, light.split(list(sizes.values()), -1), strict=True))

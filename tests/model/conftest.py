@@ -1,12 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A tiny network with every mechanism, and inputs for it."""
+"""A tiny network with every mechanism, and inputs for it; and scenes so small that few patches are enough."""
 import pytest
 import torch
 
+from renderformer_v2.model.light.bounce import patches
 from renderformer_v2.model.network.config import ModelConfig
 from renderformer_v2.model.network.inputs import EnvironmentInputs, NetworkInputs, ViewInputs, VolumeInputs
 from tests.model.published.bundles import tiny_published_config, write_bundle
 from tools.parity.cases import recipe_network
+
+
+@pytest.fixture(autouse=True)
+def few_patches(monkeypatch):
+    """An eighth of the patches of a picture."""
+    monkeypatch.setattr(patches, "PATCHES", patches.PATCHES // 8)
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ...progress import part
+from ...progress import part, standing_still
 from ..effort import Effort
 from ..hit_surfaces import HitSurfaces
 from ..probes import SMOOTH, Around, ComputeLight, Filter, Light, Probes, varies
@@ -93,7 +93,9 @@ def _shadows(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, effort:
         pictures = fine.interpolate(trace, grid * steps, *gloss, where=surfaces.is_covered,
                                     filters=filters[:effort.smoothings])
     else:
-        pictures = _smooth_penumbras(fine, _trace_penumbras(coarse, fine, trace, steps, *gloss), effort)
+        pictures = _trace_penumbras(coarse, fine, trace, steps, *gloss)
+        with standing_still():
+            pictures = _smooth_penumbras(fine, pictures, effort)
     return pictures["diffuse"], pictures["glossy"]
 
 
@@ -105,9 +107,11 @@ def _trace_penumbras(coarse: Probes, fine: Probes, trace: ComputeLight, steps: T
         return fine.interpolate(trace, fine.grid * steps, *gloss, where=covered)
     cell = torch.full_like(steps[..., :1, :1], fine.grid)
     cell[coarse.rows[:, None], coarse.columns] = coarse.grid
-    pictures = coarse.interpolate(trace, cell * steps, *gloss, where=covered)
+    with part(0.0, 0.5):
+        pictures = coarse.interpolate(trace, cell * steps, *gloss, where=covered)
     is_penumbra = varies(torch.cat(list(pictures.values()), -1), coarse.grid)[..., None]
-    traced = fine.interpolate(trace, fine.grid * steps, *gloss, where=covered & is_penumbra)
+    with part(0.5, 1.0):
+        traced = fine.interpolate(trace, fine.grid * steps, *gloss, where=covered & is_penumbra)
     return {name: torch.where(is_penumbra, traced[name], picture) for name, picture in pictures.items()}
 
 
