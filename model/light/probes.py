@@ -27,10 +27,9 @@ CHUNK = 8192      # probes at a time: what their rays hit stays in a processor's
 
 Light = dict[str, Tensor]           # by name, (P, C)
 ComputeLight = Callable[..., Light]  # of positions, normals (P, 3), numbers (P,), ...
-# Of the light of probes (N, C), and a function that gives the mean of a value (N,) around each: the difference (P, K)
-# of probes (P,) to those of numbers (P, K), 0 where they agree.
-Around = Callable[[Tensor], Tensor]
-Difference = Callable[[Tensor, Around], Callable[[Tensor, Tensor], Tensor]]
+Around = Callable[[Tensor], Tensor]          # the mean of a value (N,) around each probe
+Differ = Callable[[Tensor, Tensor], Tensor]  # of probes (P,) and those of numbers (P, K) -> (P, K), 0 where they agree
+Difference = Callable[[Tensor, Around], Differ]  # of the light of probes (N, C)
 Weights = tuple[Tensor, Tensor]     # numbers of the probes around pixels, row by row, and their weights, (P, K) both
 
 

@@ -2,7 +2,7 @@
 """Indirect light at pixels, by probes."""
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import torch
@@ -12,7 +12,7 @@ from ...progress import part
 from ..direct.direct_light import SKY_RAYS, DirectLight
 from ..effort import Effort
 from ..hit_surfaces import HitSurfaces
-from ..probes import SMOOTH, Around, ComputeLight, Filter, Probes
+from ..probes import SMOOTH, Around, ComputeLight, Differ, Filter, Probes
 from ..specular.paths import BLURRED
 from .radiosity import DiffuseLight, GlossyLight, Radiosity
 
@@ -108,7 +108,7 @@ def outgoing_radiance(radiosity: Radiosity, direct: DirectLight | None, effort: 
         return {"bounced": bounced, "complete": bounced + (arriving if fire is None else arriving + fire)}
 
 
-def _contrast(light: Tensor, around: Around) -> Callable[[Tensor, Tensor], Tensor]:
+def _contrast(light: Tensor, around: Around) -> Differ:
     """Difference of the first three channels, RGB: it changes fast where surfaces touch."""
     rgb = light[:, :3]
 
@@ -119,7 +119,7 @@ def _contrast(light: Tensor, around: Around) -> Callable[[Tensor, Tensor], Tenso
     return differ
 
 
-def _contrast_over_noise(light: Tensor, around: Around) -> Callable[[Tensor, Tensor], Tensor]:
+def _contrast_over_noise(light: Tensor, around: Around) -> Differ:
     """Difference of the mean of the first three channels over that which noise, the last channel, explains."""
     grey, variance = light[:, :3].mean(1), around(light[:, -1].square())
     variance = torch.maximum(variance, around(variance))

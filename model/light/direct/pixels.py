@@ -2,7 +2,6 @@
 """Direct light at pixels: closed forms at every pixel, shadows at probes."""
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -13,7 +12,7 @@ from torch.nn import functional as F
 from ...progress import part, standing_still
 from ..effort import Effort
 from ..hit_surfaces import HitSurfaces
-from ..probes import SMOOTH, Around, ComputeLight, Filter, Light, Probes, varies
+from ..probes import SMOOTH, Around, ComputeLight, Differ, Filter, Light, Probes, varies
 from ..sampling import r2_starts
 from .direct_light import DirectLight, LobeVisibility
 from .footprints import footprints, offsets_within, smooth_steps
@@ -84,7 +83,7 @@ def _shadows(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, effort:
     of_pixel = max(effort.of(SHADOW_RAYS), SHADOW_RAYS)
     rays = max(min(of_pixel // max(len(direct.emitters), 1), effort.of(EMITTER_RAYS)), 1)
     grid = min(max(shadow_grid(len(direct.emitters)), effort.shadow_grid), probes.grid)
-    coarse, fine = (Probes(*probes.picture, pixels, grid, probes.separation) for pixels in (probes.grid, grid))
+    fine = Probes(*probes.picture, grid, grid, probes.separation)
     trace, steps = partial(_trace_shadows, direct, rays), smooth_steps(surfaces)
     curved = surfaces.position[..., :0] if direct.curved is None else direct.curved.at(surfaces)
     gloss = curved, -surfaces.rays, surfaces.roughness, surfaces.f0
@@ -93,18 +92,19 @@ def _shadows(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, effort:
         pictures = fine.interpolate(trace, grid * steps, *gloss, where=surfaces.is_covered,
                                     filters=filters[:effort.smoothings])
     else:
-        pictures = _trace_penumbras(coarse, fine, trace, steps, *gloss)
+        pictures = _trace_penumbras(fine, probes.grid, trace, steps, *gloss)
         with standing_still():
             pictures = _smooth_penumbras(fine, pictures, effort)
     return pictures["diffuse"], pictures["glossy"]
 
 
-def _trace_penumbras(coarse: Probes, fine: Probes, trace: ComputeLight, steps: Tensor, *gloss: Tensor) -> Light:
+def _trace_penumbras(fine: Probes, coarse_grid: int, trace: ComputeLight, steps: Tensor, *gloss: Tensor) -> Light:
     """Visibility that is traced at coarse probes, whose rays start all over their cells, and at fine ones where it is
     not the same at all around."""
     covered = fine.picture[2]
-    if coarse.grid == fine.grid:
+    if coarse_grid == fine.grid:
         return fine.interpolate(trace, fine.grid * steps, *gloss, where=covered)
+    coarse = Probes(*fine.picture, coarse_grid, fine.grid, fine.separation)
     cell = torch.full_like(steps[..., :1, :1], fine.grid)
     cell[coarse.rows[:, None], coarse.columns] = coarse.grid
     with part(0.0, 0.5):
@@ -132,13 +132,13 @@ def _known(*names: str) -> ComputeLight:
     return lambda x, n, number, *pictures: dict(zip(names, pictures, strict=True))
 
 
-def _difference(visibility: Tensor, around: Around) -> Callable[[Tensor, Tensor], Tensor]:
+def _difference(visibility: Tensor, around: Around) -> Differ:
     """Difference of the diffuse lobe's, which comes first."""
     diffuse = visibility[:, :3]
     return lambda row, number: (diffuse[number] - diffuse[row, None]).abs().amax(-1) / PENUMBRA
 
 
-def _difference_at_edges(visibility: Tensor, around: Around) -> Callable[[Tensor, Tensor], Tensor]:
+def _difference_at_edges(visibility: Tensor, around: Around) -> Differ:
     """The same, and none within penumbras; how far a probe is at an edge comes last."""
     is_edge, differ = visibility[:, -1], _difference(visibility, around)
     return lambda row, number: differ(row, number) * (is_edge[number] + is_edge[row, None]) / 2
