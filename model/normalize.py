@@ -59,7 +59,7 @@ class Normalization:
         changed = {name: self.points(array) for name, array in guides.arrays().items() if name.endswith("position")}
         changed["position"] = np.where(hit, changed["position"], 0).astype(np.float32)
         light = {name: array for name, array in guides.arrays().items()
-                 if name in ("traced", "emission", "environment") or name.endswith("_light")}
+                 if name in ("traced", "noise", "emission", "environment") or name.endswith("_light")}
         changed |= {name: array * np.float32(self.exposure) for name, array in light.items()}
         return replace(guides, **changed)
 

@@ -141,6 +141,8 @@ class Guides:
     traced: np.ndarray | None = None
     # (H, W) bool, pixels whose traced light has all the noise of its samples; None: a denoiser took it away
     is_noisy: np.ndarray | None = None
+    # (H, W, 3) f32, what the denoiser took away of `traced` and what is seen directly; None: no denoiser did
+    noise: np.ndarray | None = None
     samples: np.ndarray | None = None  # (H, W) f32, of each pixel in the first hits and in `traced`; None: not known
     # (H, W) f32, share of `glossy_color` that gets out from between rough facets; None: all of it
     glossy_kept: np.ndarray | None = None

@@ -44,6 +44,7 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     share = (raw[:, OUTPUTS["share"]] + raw[:, OUTPUTS["trust"]]).tanh() * view.is_known
     if is_inference():  # in training it is to learn all that it can, which is mostly of few samples
         share = share * view.surface[:, SURFACE["noise"]].clamp(max=1) ** (2 / 3)
+        share = torch.maximum(share, view.unreliable)
     raw = raw * untraced
     without_rays = 1 - light.has_rays.view(-1, 1, 1, 1)
     direct = _but_of_glass(_by_lobe(raw[:, OUTPUTS["direct"]], light), light)

@@ -22,6 +22,7 @@ from ..network.config import ModelConfig
 from ..network.inputs import ViewInputs, view_inputs
 from ..scene import Guides, RenderScene, View
 from .exposure import display_encode, key_exposure
+from .reliability import unreliable_share
 
 SURFACE = Channels(
     1,
@@ -68,6 +69,7 @@ class GuidedView(ViewInputs):
     # 1 where estimates know all light: it may bounce, lamps shine as they say, and lobes have their shape
     is_known: Tensor = array("V", 1, "H", "W")
     emitters: Tensor = array("V", STRONGEST, len(EMITTER), "H", "W", channels=EMITTERS)  # of each pixel, or 0
+    unreliable: Tensor = array("V", 1, "H", "W")  # share of traced light that is lost in its noise
 
     def features(self, rows: slice = slice(None)) -> Tensor:
         """(V, len(FEATURES), h, W) f32 of some rows of pixels."""
@@ -90,7 +92,7 @@ class GuidedView(ViewInputs):
         """Some rows of the pixels, with the ray bundles of all."""
         return replace(self, surface=self.surface[..., rows, :], seen=self.seen[..., rows, :],
                        is_known=self.is_known[..., rows, :], light=self.light.rows(rows),
-                       emitters=self.emitters[..., rows, :])
+                       emitters=self.emitters[..., rows, :], unreliable=self.unreliable[..., rows, :])
 
 
 def guided_view(light: SceneLight, view: View, guides: Guides, config: ModelConfig,
@@ -118,14 +120,22 @@ def guided_view(light: SceneLight, view: View, guides: Guides, config: ModelConf
                       surface=_surface(surfaces, position, bundles, noise, config.patch_size),
                       seen=seen * exposure, light=exposed, exposure=exposure,
                       has_media=torch.full_like(exposure, light.direct.fog is not None),
-                      is_known=is_known,
-                      emitters=_emitters(light, surfaces))
+                      is_known=is_known, emitters=_emitters(light, surfaces),
+                      unreliable=is_known * _unreliable(exposed, guides, exposure))
 
 
 def _denoised(light: SurfaceLight, normal: Tensor, share: Tensor) -> SurfaceLight:
     """The light of a view with a share (1, 1, H, W) of what its traced light is without noise; normal: (H, W, 3)."""
     surface = torch.cat([normal.permute(2, 0, 1)[None], light.albedo.mean(2), light.roughness], 1)
     return replace(light, traced=light.traced.lerp(without_noise(light.traced, light.estimate(), surface), share))
+
+
+def _unreliable(light: SurfaceLight, guides: Guides, exposure: Tensor) -> Tensor:
+    """(1, 1, H, W) as GuidedView.unreliable, of exposed light."""
+    if guides.traced is None or guides.noise is None:
+        return torch.zeros_like(light.roughness)
+    noise = tensors_on(exposure.device)(guides.noise).permute(2, 0, 1)[None] * exposure
+    return unreliable_share(light.traced, noise, light.estimate())
 
 
 def _emitters(light: SceneLight, surfaces: HitSurfaces) -> Tensor:

@@ -104,6 +104,15 @@ def test_what_was_traced_gives_way_to_its_estimate_where_that_is_believed():
     torch.testing.assert_close(half, (believed.radiance() + view.light.radiance()) / 2)
 
 
+def test_what_is_lost_in_noise_is_taken_from_the_estimate_whatever_the_network_says():
+    view = inputs(is_traced=True)
+    noisy, raw = replace(view, unreliable=torch.full_like(view.is_known, 0.75)), outputs(view)
+    with inference():
+        traced, mixed = (corrected_light(raw, some).traced for some in (view, noisy))
+    torch.testing.assert_close(mixed, torch.lerp(traced, view.light.estimate(), 0.75))
+    assert torch.equal(corrected_light(raw, noisy).traced, traced)  # in training
+
+
 def test_lobes_get_light_that_nothing_has_found_where_there_are_no_rays():
     view = without_rays(inputs())
     added = corrected_light(outputs(view, missing=5.0), view).bounced - view.light.bounced

@@ -105,6 +105,22 @@ def test_pixels_say_how_much_of_a_lobe_has_another_shape():
     np.testing.assert_array_equal(is_known[0, 0], np.where(guides.hit_triangle >= 0, 0.25, 1))
 
 
+@pytest.mark.parametrize("bounces, may", [(None, 1), ((0, 4, 12, 12), 0)])
+def test_traced_light_is_unreliable_where_a_denoiser_took_much_noise_away_and_all_light_is_known(bounces, may):
+    view, guides = floor_view()
+    light = scene_light(replace(floor_scene(), bounces=None if bounces is None else np.int32(bounces)))
+    estimate = guided_view(light, view, guides, CONFIG)
+    estimated = (estimate.light.estimate() / estimate.exposure)[0].permute(1, 2, 0).numpy()
+    noise = 8 * estimated * np.random.default_rng(0).normal(size=guides.alpha.shape)[..., None].astype(np.float32)
+    noise[:, 32:] = 0
+    clean, noisy = (guided_view(light, view, replace(guides, traced=estimated, noise=values), CONFIG)
+                    for values in (None, noise))
+    assert not clean.unreliable.any()
+    covered = guides.alpha > 0
+    assert (noisy.unreliable[0, 0, :, :24].numpy()[covered[:, :24]].mean() > 0.5) == may
+    assert not noisy.unreliable[..., 40:].any()
+
+
 def test_exposure_scales_all_radiance_of_each_view_and_nothing_else():
     view = inputs(traced=0.5)
     brighter = with_exposure(view.light, torch.tensor([4.0]))
