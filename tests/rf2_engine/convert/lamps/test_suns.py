@@ -39,7 +39,7 @@ def test_the_sun_of_a_sky_becomes_a_light_and_nothing_is_lost(converted, report,
 
 def test_a_sky_without_its_sun_has_none(converted, report):
     sky_world(0.7, disc=False)
-    assert len(converted()) == 0 and all("uniform sky" in line for line in report.lines())
+    assert len(converted()) == 0 and all("Sky Texture" in line for line in report.lines())
 
 
 def test_light_of_an_hdri_with_a_sun_is_as_in_cycles(converted):
