@@ -13,6 +13,7 @@ import numpy as np
 from .spectrum import XYZ_TO_REC709, observer
 
 EARTH, TOP = 6.360e6, 6.420e6     # radii
+HIGHEST = 5.99e4                  # viewer, as in Blender
 AIR, DUST = 8.0e3, 1.2e3          # heights over which they thin out by e
 OZONE = 25.0e3, 15.0e3            # height of its layer's middle, and half of its width
 RAYLEIGH = 1.24e-6                # 1/m at a wavelength of 1, which it falls with to the fourth
@@ -26,7 +27,7 @@ STEPS, TO_SUN = 32, 16            # along a ray, and from there to the sun
 ROWS, COLUMNS = 24, 13            # of a table, by height and by the angle to the sun's side
 SUN_KELVIN, SUN_SOLID_ANGLE = 5778.0, 6.5e-5  # the latter less than it is: Blender's sun is dimmer
 GROUND = 0.06                     # albedo
-AGAIN = 1.35                       # of the mean light of the sky, what is scattered more than once
+AGAIN = 1.35                      # of the mean light of the sky, what is scattered more than once
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Atmosphere:
 
     @property
     def _eye(self) -> np.ndarray:
-        return np.array([0, 0, EARTH + max(self.altitude, 1.0)])
+        return np.array([0, 0, EARTH + np.clip(self.altitude, 1.0, HIGHEST)])
 
     @property
     def toward_sun(self) -> np.ndarray:

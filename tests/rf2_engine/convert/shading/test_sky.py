@@ -42,6 +42,16 @@ def test_the_older_sky_knows_the_air(changes):
         np.testing.assert_allclose(gathered(panorama, normal), irradiance((0, 0, 0), normal), rtol=0.1)
 
 
+@pytest.mark.parametrize("changes", [{"altitude": 1e5}, {"sun_elevation": -1.5}, {"air_density": 0, "ozone_density": 0}])
+def test_no_sky_has_light_that_is_no_number(changes):
+    empty_cycles_scene()
+    made = sky_world(0.4, disc=True)
+    for name, value in changes.items():
+        setattr(made.node_tree.nodes["Sky Texture"], name, value)
+    panorama = convert_world(copied(made), Report())
+    assert np.isfinite(panorama).all() and (panorama >= 0).all()
+
+
 @pytest.mark.parametrize("elevation, rtol", [(0.15, 0.1), (0.8, 0.03)])
 def test_its_sun_has_the_colour_and_strength_that_air_leaves_it(elevation, rtol):
     empty_cycles_scene(samples=64)
