@@ -5,7 +5,7 @@ Lengths are metres, wavelengths micrometres.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -26,8 +26,10 @@ ABSORBED = 1e-6 * np.interp(WAVES, (0.42, 0.44, 0.48, 0.52, 0.56, 0.58, 0.60, 0.
 STEPS, TO_SUN = 32, 16            # along a ray, and from there to the sun
 ROWS, COLUMNS = 24, 13            # of a table, by height and by the angle to the sun's side
 SUN_KELVIN, SUN_SOLID_ANGLE = 5778.0, 6.5e-5  # the latter less than it is: Blender's sun is dimmer
-GROUND = 0.06                     # albedo
-AGAIN = 1.35                      # of the mean light of the sky, what is scattered more than once
+NEWER_DUST, NEWER_OZONE = 0.75, 1.28  # of Blender's sky that scatters light again, over those of the older one
+NEWER_TINT = 0.93, 1.04, 1.04     # which knows four wavelengths
+GROUND = 0.08                     # albedo
+AGAIN = 1.25                      # of the mean light of the sky, what is scattered more than once
 
 
 @dataclass(frozen=True)
@@ -126,13 +128,16 @@ def _table(atmosphere: Atmosphere) -> np.ndarray:
     azimuth = np.linspace(0, np.pi, COLUMNS)
     flat = np.sqrt(1 - up ** 2)
     direction = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), up + 0 * azimuth], -1).reshape(-1, 3)
+    if atmosphere.scatters_again:
+        atmosphere = replace(atmosphere, dust=NEWER_DUST * atmosphere.dust, ozone=NEWER_OZONE * atmosphere.ozone)
     spectra = atmosphere.spectra(direction)
     if atmosphere.scatters_again:
         weight = np.gradient(up[:, 0])[:, None].repeat(COLUMNS, 1).reshape(-1, 1)
         mean = (weight * atmosphere.spectra(direction, evenly=True)).sum(0) / weight.sum()
         ground = GROUND / np.pi * np.sin(max(atmosphere.elevation, 0)) * atmosphere._sun_spectrum()
         spectra = spectra + AGAIN * (mean + ground) * atmosphere.scattered(direction)
-    return _rgb(spectra).reshape(ROWS, COLUMNS, 3)
+    tint = np.array(NEWER_TINT) if atmosphere.scatters_again else 1
+    return tint * _rgb(spectra).reshape(ROWS, COLUMNS, 3)
 
 
 def _distance_to(radius: float, point: np.ndarray, direction: np.ndarray) -> np.ndarray:
