@@ -148,6 +148,8 @@ class Guides:
     glossy_kept: np.ndarray | None = None
     # (H, W) f32, mean square by which normals differ in a pixel, as bumps do that are finer; None: not at all
     normal_variance: np.ndarray | None = None
+    # (H, W) f32, share of a smooth matte surface's light that such bumps send on; None: all of it
+    matte_share: np.ndarray | None = None
     # (H, W) bool, pixels whose transmission goes straight on: emission and environment show what shines behind them
     straight: np.ndarray | None = None
     # (H, W, 3), of the matte surfaces that reflections and refractions end at: place (f32, world), unit normal (f16),

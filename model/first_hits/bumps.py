@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bumps finer than a pixel: the mean of its normals is nearly that of a smooth surface, but the light that they mirror
-spreads as if that were rougher (Toksvig 2005)."""
+spreads as if that were rougher (Toksvig 2005), and matte ones send on less light."""
 from __future__ import annotations
 
 import numpy as np
@@ -20,10 +20,7 @@ def normal_variance(mean: np.ndarray, samples: np.ndarray | None, position: np.n
     mean: (H, W, 3), of the unit normals of `samples` (H, W); position and geometry: (H, W, 3), in the middle of pixels,
     and unit normals without bumps there; 0 = no hit. 0 where other surfaces are near. None where there are no bumps.
     """
-    variance = 1 - np.square(mean).sum(-1)
-    if samples is not None:
-        variance *= samples / (samples - 1).clip(min=1)
-    variance[~mean.any(-1)] = 0
+    variance = _variance(mean, samples)
     uneven = np.flatnonzero(variance > LEAST)
     for first in range(0, len(uneven), PIXELS):
         pixel = uneven[first:first + PIXELS]
@@ -39,6 +36,32 @@ def normal_variance(mean: np.ndarray, samples: np.ndarray | None, position: np.n
 def with_bumps(roughness: np.ndarray, variance: np.ndarray | None) -> np.ndarray:
     """(H, W) roughness of lobes as wide as those of all bumps of a pixel together."""
     return roughness if variance is None else widened(roughness, variance).clip(max=1)
+
+
+def matte_share(mean: np.ndarray, samples: np.ndarray | None, geometry: np.ndarray) -> np.ndarray | None:
+    """(H, W) f32 share of a smooth matte surface's light that the bumps of a pixel send on; arguments as above.
+
+    Lambert's law is linear: where all bumps are lit, they are as bright together as the mean of their normals is long.
+    None where all pixels send on all of it.
+    """
+    variance = _variance(mean, samples)
+    uneven = np.flatnonzero(variance > LEAST)
+    for first in range(0, len(uneven), PIXELS):
+        pixel = uneven[first:first + PIXELS]
+        steps = _steps_around(geometry, pixel)
+        around = geometry.reshape(-1, 3)[pixel][:, None] + steps
+        variance.flat[pixel] -= np.where(around.any(-1).all(1), _largest2(steps) / 4, 1)
+    share = np.sqrt(1 - variance.clip(0, 1)).astype(np.float32)
+    return share if (share < 1).any() else None
+
+
+def _variance(mean: np.ndarray, samples: np.ndarray | None) -> np.ndarray:
+    """(H, W) mean square by which normals differ from their mean, whatever the cause; 0 without any."""
+    variance = 1 - np.square(mean).sum(-1)
+    if samples is not None:
+        variance *= samples / (samples - 1).clip(min=1)
+    variance[~mean.any(-1)] = 0
+    return variance
 
 
 def _steps_around(x: np.ndarray, pixel: np.ndarray, of=lambda x: x) -> np.ndarray:

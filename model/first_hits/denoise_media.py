@@ -69,6 +69,9 @@ def smoothed(guides: Guides, volumes: Volumes | None, view: View, surface: Behin
     if guides.normal_variance is not None:  # samples that end in a medium have no normal
         variance = np.where(inside, 0, guides.normal_variance)
         changed["normal_variance"] = variance if variance.any() else None
+    if guides.matte_share is not None:
+        share = np.where(inside, 1, guides.matte_share)
+        changed["matte_share"] = share if (share < 1).any() else None
     return replace(guides, environment=environment.astype(np.float32), **changed)
 
 

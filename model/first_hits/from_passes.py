@@ -112,6 +112,7 @@ def _with_normals(guides: Guides, normal: np.ndarray, shown: FirstSurfaces, view
     several |= lies_between(guides.normal, shown.normal) & (-dot(shown.normal, view_rays(view)[1]) > UNBENT)
     several &= shown.token >= 0
     return replace(guides, normal_variance=variance,
+                   matte_share=bumps.matte_share(mean, guides.samples, shown.normal),
                    normal=np.where(several[..., None], shown.normal, guides.normal))
 
 

@@ -52,6 +52,7 @@ class HitSurfaces:
     # (h, W, 7), RGB share of diffuse light that is of a sheen, its stretch and its lean, if any is
     sheen: Tensor | None = None
     coat: Coat | None = None  # if any has one
+    matte_share: Tensor | None = None  # (h, W, 1), of diffuse light that bumps finer than a pixel send on, if any are
     group: np.ndarray | None = None  # (h, W) u8, of surfaces, where lights tell some apart
 
     @classmethod
@@ -75,6 +76,7 @@ class HitSurfaces:
                    translucent,
                    None if sheen is None else _sheen(sheen, normal, -rays, coverage, diffuse),
                    None if coat is None else _coat(coat, cosine, coverage, glossy),
+                   None if guides.matte_share is None else to_tensor(guides.matte_share)[..., None],
                    None if scene.group is None or not len(scene) else scene.group[guides.hit_triangle.clip(0)])
 
     def crop(self, pixels: slice | tuple[slice, slice]) -> HitSurfaces:

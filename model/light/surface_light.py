@@ -44,6 +44,9 @@ class SurfaceLight(TensorGroup):
                 **pictures: Tensor) -> SurfaceLight:
         """The light of one view: `direct` (h, W, 3) by lobe, and `pictures` (h, W, 3) of OF_RAYS; 0 where not given."""
         dark = torch.zeros_like(surfaces.position)
+        if surfaces.matte_share is not None:
+            direct = direct and [direct[0] * surfaces.matte_share, *direct[1:]]
+            pictures["bounced"] = pictures.get("bounced", dark) * surfaces.matte_share
         lobes = surfaces.diffuse, surfaces.glossy, surfaces.transmission
         albedo, direct = (torch.stack([lobe.permute(2, 0, 1) for lobe in of_lobes])[None]
                           for of_lobes in (lobes, direct or [dark] * 3))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bumps finer than a pixel widen what it mirrors."""
+"""Bumps finer than a pixel widen what it mirrors, and darken what is matte."""
 import numpy as np
 import pytest
 
-from renderformer_v2.model.first_hits.bumps import normal_variance, with_bumps
+from renderformer_v2.model.first_hits.bumps import matte_share, normal_variance, with_bumps
 from renderformer_v2.model.geometry import unit
 
 SIZE, MIDDLE = 8, (4, 4)
@@ -47,3 +47,24 @@ def test_bumps_that_pixels_show_are_no_finer():
     mean = 0.99 * unit(flat + np.float32(0.3) * np.sin(2 * position[..., :1]) * np.float32((1, 0, 0)))
     shown, finer = (normal_variance(x, None, position, flat)[MIDDLE] for x in (mean, 0.99 * flat))
     assert shown < finer
+
+
+def test_a_matte_pixel_sends_on_as_much_light_as_all_its_bumps():
+    normals = unit(np.random.default_rng(0).normal(0, (0.4, 0.4, 0), (20000, 3)) + (0, 0, 1))
+    sun = unit(np.float32((0.3, 0, 1)))
+    _, flat = plane()
+    mean = normals.mean(0)[2]
+    share = matte_share(mean * flat, None, flat)[MIDDLE]
+    assert mean < 0.9 and share == pytest.approx((normals @ sun).mean() / sun[2], rel=0.01)
+    assert matte_share(flat, None, flat) is None
+
+
+def test_no_light_is_lost_where_pixels_show_several_surfaces_or_none():
+    _, normal = plane()
+    normal[:, 4:] = 0.6, 0, 0.8
+    mean = normal.copy()
+    mean[:, 4] = mean[:, 3] = (normal[0, 0] + normal[0, 4]) / 2
+    assert matte_share(mean, None, normal) is None
+    normal[:, 4:] = 0
+    mean[:, 4:] *= 0.5
+    assert matte_share(mean, None, normal) is None

@@ -46,10 +46,10 @@ def test_only_rays_that_cross_the_medium_are_smoothed(noisy):
 def test_samples_that_end_in_a_medium_are_no_bumps(noisy):
     """They have no normal, so that the mean of a pixel's normals is short there."""
     view, guides = noisy
-    guides.normal_variance = np.float32(1 - guides.alpha)
+    guides.normal_variance, guides.matte_share = np.float32(1 - guides.alpha), guides.alpha
     volumes = fog((0.3, 0, 1.0), 0.5)
     inside, after = crossed(guides, volumes, view), smoothed(guides, volumes, view)
-    assert not after.normal_variance[inside].any()
+    assert not after.normal_variance[inside].any() and (after.matte_share[inside] == 1).all()
     np.testing.assert_array_equal(after.normal_variance[~inside], guides.normal_variance[~inside])
 
 
