@@ -219,6 +219,10 @@ class DirectLight:
         silhouette, where up to LEANING something is mirrored. visibility: all of the light without it. footprint:
         (P, 2, 9), of pixels (footprints.py). Points whose normal is zero receive none.
         """
+        if visibility is not None and len(self.emitters):
+            mirrored = in_chunks(CHUNK, self.emitters.mirrored_visibility, visibility.glossy_emitters, position, normal,
+                                 outgoing, roughness, *footprint)
+            visibility = visibility._replace(glossy_emitters=mirrored)
         visibility = LobeVisibility.full(position) if visibility is None else visibility
         return in_chunks(CHUNK, self._lobes, position, normal, outgoing, roughness, f0, *visibility, *footprint)
 

@@ -16,21 +16,25 @@ import torch
 from torch import Tensor
 
 from ...fields import COLOR, DIRECTION, Channels
+from ...material.reflectance import widened
 from ...scene import RenderScene
 from ...surface_kinds import Ray
 from ..cutouts import Cutouts
 from ..fresnel import gain
 from ..media.transmittance import Fog
-from ..sampling import hashed_starts
-from ..vectors import length
+from ..sampling import ggx_directions, hashed_starts
+from ..vectors import dot, length
 from .emitter_shadows import EmitterShadows
 from .emitter_shapes import EmitterShapes
 from .emitters import Limits, gather_emitters
+from .environment_light import LIFT
 from .footprints import mirrored_turn2
 from .form_factors import cosines, sheen_form_factor
 from .outlines import outline_vectors
 from .picture_maps import PictureMaps
 
+POLISHED, DULL = 0.1, 0.3  # roughness up to which rays along lobes say what is before emitters, and from which none do
+LOBE_RAYS = 8    # of a pixel, along its lobe
 STRONGEST = 3    # emitters that `strongest` finds
 DIM = 0.02       # of the brightest highlight at a point, below which others are left out
 EMITTER = Channels(  # what it finds of an emitter at a point
@@ -154,6 +158,35 @@ class EmitterLight:
         disagreement = 2 * spread2.sqrt() / power.sum(1, keepdim=True).clamp_min(1e-12)
         return *(_arriving(lobe, visible, radiance) / (lobe @ radiance).clamp_min(1e-12)
                  for lobe, radiance in zip(lobes, (self._to_diffuse, self._to_glossy))), disagreement
+
+    def mirrored_visibility(self, visible: Tensor, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor,
+                            footprint: Tensor | None = None) -> Tensor:
+        """(P, 3) visibility of what glossy lobes show, which is `visible` (P, 3) by rays to places all over emitters.
+
+        Polished surfaces show one place of a large emitter, and what is before that alone: rays go along their lobes.
+        Arguments as of `lobes`.
+        """
+        polished = ((DULL - roughness) / (DULL - POLISHED)).clamp(0, 1)
+        if footprint is not None:  # rays go all over what a pixel mirrors
+            roughness = widened(roughness, mirrored_turn2(footprint).clamp(max=1))
+        casts, shines = self._shadows.casts_shadows, self._to_glossy.any(1)
+        point = ((polished > 0) & (dot(n, v) > 0)).nonzero()[:, 0]
+        if not len(point) or not (casts & shines).any():
+            return visible
+        x, n, v, polished = x[point], n[point], v[point], polished[point, None]
+        ray = ggx_directions(n, v, roughness[point], LOBE_RAYS, hashed_starts(x, 2))[0].flatten(0, 1)
+        origin = (x + LIFT * n).repeat_interleave(LOBE_RAYS, 0)
+        emitter, distance = self.shapes.met_by(origin, ray, shines & casts)
+        met = (emitter >= 0).nonzero()[:, 0]
+        weight, arriving = torch.zeros_like(ray), torch.zeros_like(ray)
+        weight[met] = self._to_glossy[emitter[met]]
+        along_lobe = origin[met], ray[met], distance[met]
+        arriving[met] = (weight[met] * self._shadows.arriving(emitter[met], *along_lobe)
+                         * self._shadows.through_media(origin[met], origin[met] + distance[met, None] * ray[met]))
+        weight, arriving = (values.unflatten(0, (-1, LOBE_RAYS)) for values in (weight, arriving))
+        share = (weight.amax(2) > 0).float().mean(1, keepdim=True) * polished
+        along = arriving.sum(1) / weight.sum(1).clamp_min(1e-12)
+        return visible.index_put((point,), torch.lerp(visible[point], along, share))
 
     def may_pass_glass(self, x: Tensor) -> Tensor:
         """(P,) bool: whether glass may be before any emitter at points x (P, 3); of `through_glass` alone."""

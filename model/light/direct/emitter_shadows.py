@@ -28,7 +28,7 @@ from .terminator import start_heights
 FOG_REACH = 3.0  # network units from the centre: fog beyond dims no emitter
 FARTHEST = 4.0   # network units between surfaces and glass at most: so far the light of a sun spreads
 END_GAP = 4e-3   # network units before a surface that shines at which a shadow ray ends: emitters stand for it
-OF_ALL = ("_before", "_occluder", "_casts_shadows")  # fields of EmitterShadows that have a row for each emitter
+OF_ALL = ("_before", "_occluder", "casts_shadows")  # fields of EmitterShadows that have a row for each emitter
 
 
 class EmitterShadows:
@@ -39,7 +39,7 @@ class EmitterShadows:
         device = shapes.origins.device
         self._shapes, self._fog, self._cutouts = shapes, fog, cutouts
         self._glass = None  # that light must pass
-        self._casts_shadows = torch.as_tensor(limits.blockers > 0, device=device)
+        self.casts_shadows = torch.as_tensor(limits.blockers > 0, device=device)
         # What shines to one side is at the place of its surface, lumps and spheres stand for one around them.
         self._before = torch.where(shapes.beam_axis.any(1), END_GAP, ROUND * shapes.reach)
         self._shining = None
@@ -91,18 +91,25 @@ class EmitterShadows:
         n: (P, 3) unit normals, below whose horizon no ray goes; raised: a share (P, E) of a way (P, 3) from the points,
         at which rays start.
         """
-        point, emitter = (is_lit & self._casts_shadows).nonzero().unbind(1)
+        point, emitter = (is_lit & self.casts_shadows).nonzero().unbind(1)
         origin, is_near = x[point], ~self._shapes.is_distant[emitter, None]
-        is_surface = self._shapes.is_surface[emitter]
         if raised is not None:
             origin = origin + raised[0][point, emitter, None] * raised[1][point]
         ray = self._shapes.points_on(emitter, direction[:, point, emitter].T, start[point]) - origin * is_near
         if n is not None:
             ray = _above_horizon(ray, self._shapes.origins[emitter] - origin * is_near, n[point])
         distance = length(ray)
+        arrives = self.arriving(emitter, origin, ray / distance.clamp_min(1e-9)[:, None], distance)
+        visible = arrives.new_zeros(*is_lit.shape, arrives.shape[1]).index_put((point, emitter), arrives)
+        visible = visible * self.through_media(x[:, None], self._shapes.origins)
+        return torch.where(self.casts_shadows[:, None], visible, is_lit[..., None])
+
+    def arriving(self, emitter: Tensor, origin: Tensor, ray: Tensor, distance: Tensor) -> Tensor:
+        """(R, 1) or (R, 3) share of the light of emitters (R,) that comes through what is solid, glass or a card, along
+        rays (R, 3) of unit vectors from points (R, 3), so far (R,) from them."""
+        is_surface = self._shapes.is_surface[emitter]
         # No surface is at the place of a lamp, whose housing may be close.
         end = distance - torch.where(is_surface, END_GAP, LIFT)
-        ray = ray / distance.clamp_min(1e-9)[:, None]
         is_blocked = self._is_blocked(emitter, origin, ray, end)
         if self._shining is not None:
             # Shells that are seen from outside would hide themselves: lumps that stand for them lie below.
@@ -115,10 +122,11 @@ class EmitterShadows:
             arrives = arrives * self._glass.transmittance(origin, ray, end * arrives[:, 0])
         if self._cutouts is not None:
             arrives = arrives * self._cutouts.transmittance(origin, ray, end * (arrives.amax(1) > 0))
-        visible = arrives.new_zeros(*is_lit.shape, arrives.shape[1]).index_put((point, emitter), arrives)
-        if self._fog is not None:
-            visible = visible * self._fog.transmittance(x[:, None], self._shapes.origins.renorm(2, 0, FOG_REACH))
-        return torch.where(self._casts_shadows[:, None], visible, is_lit[..., None])
+        return arrives
+
+    def through_media(self, begin: Tensor, end: Tensor) -> Tensor | float:
+        """(..., C) share of light that media leave between points (..., 3) and places (E, 3) on emitters."""
+        return 1.0 if self._fog is None else self._fog.transmittance(begin, end.renorm(2, 0, FOG_REACH))
 
     def _is_blocked(self, emitter: Tensor, *rays: Tensor) -> Tensor:
         """(R,) bool of rays to emitters (R,), as TensorRays.is_blocked has them."""

@@ -188,6 +188,30 @@ class EmitterShapes:
         of_sphere = towards[:, None] + across[:, None, None] * around
         return torch.where((emitter < polygons)[:, None, None], vectors, of_sphere).permute(1, 2, 0).contiguous()
 
+    def met_by(self, origin: Tensor, ray: Tensor, shines: Tensor) -> tuple[Tensor, Tensor]:
+        """Of rays (R, 3) with unit vectors, the nearest polygon in their way that is no sun, -1 where none is, and how
+        far it is, (R,) each. shines: (E,) bool, those that count; their backs do not."""
+        polygons = len(self.corners)
+        result = torch.full_like(ray[:, 0], -1, dtype=torch.long), torch.full_like(ray[:, 0], torch.inf)
+        if not polygons or not len(ray):
+            return result
+        corners, axis = self.corners, self.beam_axis[:polygons]
+        around = corners - corners[:, :1]
+        normal = torch.linalg.cross(around, around.roll(-1, 1)).sum(1)
+        normal = normal / normal.norm(dim=1, keepdim=True).clamp_min(1e-20)
+        sinking = ray @ normal.T
+        distance = (dot(corners[:, 0], normal) - origin @ normal.T) / sinking
+        from_front = (ray @ axis.T < 0) | ~axis.any(1)
+        is_near = from_front & (distance > IN_PLANE) & shines[:polygons] & ~self.is_distant[:polygons]
+        row, polygon = is_near.nonzero().unbind(1)
+        at = (origin[row] + ray[row] * distance[row, polygon, None])[:, None] - corners[polygon]
+        sides = torch.linalg.cross(corners.roll(-1, 1)[polygon] - corners[polygon], at)
+        is_within = (dot(sides, normal[polygon, None]) >= 0).all(1)
+        distance = torch.full_like(distance, torch.inf).index_put(
+            (row[is_within], polygon[is_within]), distance[row[is_within], polygon[is_within]])
+        nearest, polygon = distance.min(1)
+        return torch.where(nearest < torch.inf, polygon, -1), nearest
+
     def points_on(self, emitter: Tensor, direction: Tensor, start: Tensor) -> Tensor:
         """(R, 3) points on emitters (R,); on spheres those of the disk that faces unit vectors (R, 3).
 
