@@ -44,8 +44,9 @@ class Evaluator:
         n = NodeCall(self, output.node, output, inner)
         result = self.evaluate_once(n, _computed, Unknown("the chain of nodes is too long"))
         if isinstance(result, Unknown):
-            advice = "bake it to an image" if self.baker else "allow Bake Unsupported Nodes, or bake it to an image"
-            n.approximated(f'{result}, so "{socket.name}" of "{socket.node.name}" keeps its own value; {advice}')
+            advice = "; bake it to an image" if self.baker else "; allow Bake Unsupported Nodes, or bake it to an image"
+            n.approximated(f'{result}, so "{socket.name}" of "{socket.node.name}" keeps its own value'
+                           + ("" if isinstance(result, DependsOnView) else advice))
             return _default(socket)
         return self._cast(result, socket.type, output.type)
 

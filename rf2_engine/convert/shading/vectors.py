@@ -46,7 +46,7 @@ def rotate(vector, angles) -> np.ndarray:
 
 
 def rotate_back(vector, angles) -> np.ndarray:
-    """The inverse of `turned`."""
+    """The inverse of `rotate`."""
     for axis in (2, 1, 0):
         vector = rotate(vector, -angles * (np.arange(3) == axis))
     return vector

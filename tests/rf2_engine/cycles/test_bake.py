@@ -116,6 +116,7 @@ def test_what_depends_on_the_view_is_not_baked(scene, baked):
     cube(scene, Roughness=("CameraData", "View Distance", {}), Metallic=("NewGeometry", "Incoming", {}))
     _, lines = baked()
     assert len(lines) == 2 and all("depends on the view" in line and "keeps its own value" in line for line in lines)
+    assert not any("bake" in line.lower() for line in lines)
 
 
 def test_f12_bakes_where_it_is_allowed(scene, tmp_path):
