@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ import pytest
 from renderformer_v2.model.camera import view_rays
 from renderformer_v2.model.geometry import latlong_uv
 from renderformer_v2.model.scene import ENVIRONMENT_SHAPE, IOR, TILE_SIZE, TRANSMISSION
+from tests.model.samples import floor_scene, floor_view
 from tools.datagen.__main__ import main, share_out
-from tools.datagen.sample_files import STORED_TILE, load_sample, sample_path, sample_paths, save_arrays
+from tools.datagen.sample_files import STORED_TILE, load_sample, sample_path, sample_paths, save_arrays, save_sample
 
 ROOT = Path(__file__).parents[2]
 SEEDS = (8, 9)  # of the mixed profile: full and simple
@@ -78,6 +80,16 @@ def test_a_second_run_keeps_finished_scenes_and_makes_a_lost_one_again_just_the_
     assert set(after.files) == set(before)
     for name in before:
         np.testing.assert_allclose(after[name].astype(float), before[name].astype(float), atol=1e-3, err_msg=name)
+
+
+def test_shares_that_only_one_view_has_are_all_in_the_others(tmp_path):
+    view, guides = floor_view(32, 32)
+    some = {name: np.full_like(guides.alpha, 0.5) for name in ("matte_share", "glossy_kept", "normal_variance")}
+    passes = {"combined": np.zeros((32, 32, 4), np.float32)}
+    save_sample(tmp_path / "scene.npz", floor_scene(), [view] * 2, [replace(guides, **some), guides], [passes] * 2)
+    first, second = load_sample(tmp_path / "scene.npz").guides
+    assert all((getattr(first, name) == 0.5).all() for name in some)
+    assert (second.matte_share == 1).all() and (second.glossy_kept == 1).all() and not second.normal_variance.any()
 
 
 def test_a_killed_write_leaves_no_sample(tmp_path):

@@ -24,6 +24,7 @@ from renderformer_v2.model.scene import TILE_SIZE, Geometry, Guides, RenderScene
 STORED_TILE = 8
 HINT_SAMPLES = 8  # of first hits and traced light, as F12 has in large pictures
 GLASS = 0.01      # of a pixel's colour
+SHARES = "glossy_kept", "matte_share"  # guides that are 1 where they are not there
 EVEN = 1 / 256    # by how much the parameters of a homogeneous tile may differ
 
 
@@ -118,9 +119,9 @@ def save_sample(path: Path, scene: RenderScene, views: list[View], guides: list[
             continue
         arrays[f"view.{f.name}"] = np.stack([np.asarray(getattr(v, f.name)) for v in views])
     for name in dict.fromkeys(name for g in guides for name in g.arrays()):
-        # A pass that only some views have is black in the others.
-        black = np.zeros_like(next(g.arrays()[name] for g in guides if name in g.arrays()))
-        arrays[f"guides.{name}"] = np.stack([_pack_guide(name, g.arrays().get(name, black)) for g in guides])
+        # A pass that only some views have is black in the others, and a share is all.
+        missing = np.full_like(next(g.arrays()[name] for g in guides if name in g.arrays()), name in SHARES)
+        arrays[f"guides.{name}"] = np.stack([_pack_guide(name, g.arrays().get(name, missing)) for g in guides])
     arrays["hint_samples"] = np.int32(hints)
     for name in passes[0]:
         arrays[f"passes.{name}"] = np.stack([to_half(p[name]) for p in passes])
