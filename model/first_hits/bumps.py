@@ -3,6 +3,8 @@
 spreads as if that were rougher (Toksvig 2005), and matte ones send on less light."""
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..geometry import dot, unit
@@ -21,9 +23,7 @@ def normal_variance(mean: np.ndarray, samples: np.ndarray | None, position: np.n
     and unit normals without bumps there; 0 = no hit. 0 where other surfaces are near. None where there are no bumps.
     """
     variance = _variance(mean, samples)
-    uneven = np.flatnonzero(variance > LEAST)
-    for first in range(0, len(uneven), PIXELS):
-        pixel = uneven[first:first + PIXELS]
+    for pixel in _uneven(variance):
         steps = _steps_around(geometry, pixel)
         # Two surfaces that share a pixel differ from their mean by half of their difference at most.
         explained = np.maximum(_largest2(steps), _largest2(_steps_around(mean, pixel, unit))) / 4
@@ -45,9 +45,7 @@ def matte_share(mean: np.ndarray, samples: np.ndarray | None, geometry: np.ndarr
     None where all pixels send on all of it.
     """
     variance = _variance(mean, samples)
-    uneven = np.flatnonzero(variance > LEAST)
-    for first in range(0, len(uneven), PIXELS):
-        pixel = uneven[first:first + PIXELS]
+    for pixel in _uneven(variance):
         steps = _steps_around(geometry, pixel)
         around = geometry.reshape(-1, 3)[pixel][:, None] + steps
         variance.flat[pixel] -= np.where(around.any(-1).all(1), _largest2(steps) / 4, 1)
@@ -62,6 +60,12 @@ def _variance(mean: np.ndarray, samples: np.ndarray | None) -> np.ndarray:
         variance *= samples / (samples - 1).clip(min=1)
     variance[~mean.any(-1)] = 0
     return variance
+
+
+def _uneven(variance: np.ndarray) -> Iterator[np.ndarray]:
+    """Numbers (P,) of pixels with a variance, some at a time."""
+    pixel = np.flatnonzero(variance > LEAST)
+    return (pixel[first:first + PIXELS] for first in range(0, len(pixel), PIXELS))
 
 
 def _steps_around(x: np.ndarray, pixel: np.ndarray, of=lambda x: x) -> np.ndarray:

@@ -84,7 +84,7 @@ def guides_without_triangles(passes: Passes) -> Guides:
         environment=passes["environment"], depth=passes["depth"][..., 0], alpha=alpha,
         hit_triangle=np.full(alpha.shape, -1, np.int32), hit_barycentric=np.zeros((*alpha.shape, 2), np.float32),
         traced=passes["traced"] * covered[..., None] if "traced" in passes else None,
-        noise=passes["noise"] if "traced" in passes and "noise" in passes else None,
+        noise=passes.get("noise") if "traced" in passes else None,
         is_noisy=np.ones(alpha.shape, bool) if "traced" in passes and "noise" not in passes else None,
         samples=passes["samples"][..., 0] if "samples" in passes else None)
 

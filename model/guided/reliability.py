@@ -7,7 +7,8 @@ loses shadows, and light, which an estimate has. Means over many pixels still te
 from __future__ import annotations
 
 from torch import Tensor
-from torch.nn import functional as F
+
+from ..light.traced_noise import mean_around
 
 REACH = 6         # pixels, in which noise and means are looked for
 NOISY = 1.5       # noise over light, from which on more than half of the light is lost
@@ -22,13 +23,8 @@ def unreliable_share(traced: Tensor, noise: Tensor, estimate: Tensor) -> Tensor:
     All light is (V, 3, H, W), in the exposure of its view.
     """
     traced, noise, estimate = (light.mean(1, keepdim=True) for light in (traced, noise, estimate))
-    deviation, light = _mean(noise.square()).sqrt(), _mean(traced) + DARK
+    deviation, light = mean_around(noise.square(), REACH).sqrt(), mean_around(traced, REACH) + DARK
     by_chance = DEVIATIONS * deviation / (2 * REACH + 1)  # in the mean of so many pixels
-    difference = _mean(traced + noise - estimate) / (UNEQUAL * light + by_chance)
+    difference = mean_around(traced + noise - estimate, REACH) / (UNEQUAL * light + by_chance)
     relative2 = (deviation / light).square()
     return relative2 / (relative2 + NOISY ** 2) / (1 + difference.square())
-
-
-def _mean(values: Tensor) -> Tensor:
-    """(V, 1, H, W) over the pixels around."""
-    return F.avg_pool2d(F.pad(values, (REACH,) * 4, mode="replicate"), 2 * REACH + 1, 1)

@@ -60,18 +60,19 @@ def _cleanness(traced: Tensor, difference: Tensor, left_out: Tensor) -> Tensor:
     right, below = (F.pad(difference.diff(dim=dim), pad, mode="replicate")
                     for dim, pad in ((3, (0, 1, 0, 0)), (2, (0, 0, 0, 1))))
     noise2 = torch.minimum(_usual2(right), _usual2(below)) / 2  # along an edge nothing changes
-    most = _mean(traced, FAR)  # a firefly is no signal
-    signal2 = (_mean(left_out.abs().minimum(most).square(), NEAR) - noise2).clamp_min(0) + (UNSEEN * most).square()
+    most = mean_around(traced, FAR)  # a firefly is no signal
+    left2 = mean_around(left_out.abs().minimum(most).square(), NEAR)
+    signal2 = (left2 - noise2).clamp_min(0) + (UNSEEN * most).square()
     return signal2 / (signal2 + CLEAN * noise2).clamp_min(1e-20)
 
 
 def _usual2(values: Tensor) -> Tensor:
     """(V, 1, H, W) squared size of most of the values around, whatever a few are: as of a normal number."""
-    return (_mean(values.abs().sqrt(), FAR) / ROOT_OF_NORMAL) ** 4
+    return (mean_around(values.abs().sqrt(), FAR) / ROOT_OF_NORMAL) ** 4
 
 
-def _mean(values: Tensor, reach: int) -> Tensor:
-    """(V, 1, H, W) of pixels up to so far."""
+def mean_around(values: Tensor, reach: int) -> Tensor:
+    """(V, 1, H, W) means of pixels up to so far."""
     return F.avg_pool2d(F.pad(values, (reach,) * 4, mode="replicate"), 2 * reach + 1, 1)
 
 

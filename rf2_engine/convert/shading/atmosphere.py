@@ -70,11 +70,8 @@ class Atmosphere:
     def toward_sun(self) -> np.ndarray:
         return np.array([np.cos(self.elevation), 0, np.sin(self.elevation)])
 
-    def spectra(self, direction: np.ndarray, evenly: bool = False) -> np.ndarray:
-        """(D, waves) radiance from unit vectors (D, 3), the sun's side being that of X.
-
-        evenly: without what aerosols scatter nearly straight on.
-        """
+    def spectra(self, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(D, waves) radiance from unit vectors (D, 3), the sun's side being that of X, that air and dust scatter."""
         point, metres = self._along(direction)
         air, dust, _ = metres.transpose(2, 0, 1)
         to_sun, is_lit = self._to_sun(point.reshape(-1, 3))
@@ -83,10 +80,10 @@ class Atmosphere:
         cosine = (direction @ self.toward_sun)[:, None, None]
         by_air = 3 / (16 * np.pi) * (1 + cosine ** 2) * air[..., None] * (RAYLEIGH / WAVES ** 4)
         g = FORWARD
-        by_dust = (1 - FORWARD if evenly else 1) * 3 / (8 * np.pi) * (1 - g * g) * (1 + cosine ** 2) / (
+        by_dust = 3 / (8 * np.pi) * (1 - g * g) * (1 + cosine ** 2) / (
             (2 + g * g) * (1 + g * g - 2 * g * cosine) ** 1.5) * dust[..., None] * MIE
-        light = np.exp(-depth) * is_lit.reshape(*point.shape[:2], 1)
-        return _sun() * ((by_air + by_dust) * light).sum(1)
+        light = _sun() * np.exp(-depth) * is_lit.reshape(*point.shape[:2], 1)
+        return (by_air * light).sum(1), (by_dust * light).sum(1)
 
     def scattered(self, direction: np.ndarray) -> np.ndarray:
         """(D, waves) share of light that is scattered on its way along unit vectors (D, 3), not nearly straight on."""
@@ -117,8 +114,7 @@ class Atmosphere:
 
     def _depth(self, metres: np.ndarray) -> np.ndarray:
         """(..., waves) optical depth of densities times metres (..., 3)."""
-        coefficients = np.stack([RAYLEIGH / WAVES ** 4, np.full_like(WAVES, MIE * EXTINCTION), ABSORBED])
-        return metres @ coefficients
+        return metres @ np.stack([RAYLEIGH / WAVES ** 4, np.full_like(WAVES, MIE * EXTINCTION), ABSORBED])
 
 
 @lru_cache(maxsize=16)
@@ -128,16 +124,15 @@ def _table(atmosphere: Atmosphere) -> np.ndarray:
     azimuth = np.linspace(0, np.pi, COLUMNS)
     flat = np.sqrt(1 - up ** 2)
     direction = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), up + 0 * azimuth], -1).reshape(-1, 3)
-    if atmosphere.scatters_again:
-        atmosphere = replace(atmosphere, dust=NEWER_DUST * atmosphere.dust, ozone=NEWER_OZONE * atmosphere.ozone)
-    spectra = atmosphere.spectra(direction)
-    if atmosphere.scatters_again:
-        weight = np.gradient(up[:, 0])[:, None].repeat(COLUMNS, 1).reshape(-1, 1)
-        mean = (weight * atmosphere.spectra(direction, evenly=True)).sum(0) / weight.sum()
-        ground = GROUND / np.pi * np.sin(max(atmosphere.elevation, 0)) * atmosphere._sun_spectrum()
-        spectra = spectra + AGAIN * (mean + ground) * atmosphere.scattered(direction)
-    tint = np.array(NEWER_TINT) if atmosphere.scatters_again else 1
-    return tint * _rgb(spectra).reshape(ROWS, COLUMNS, 3)
+    if not atmosphere.scatters_again:
+        return _rgb(sum(atmosphere.spectra(direction))).reshape(ROWS, COLUMNS, 3)
+    atmosphere = replace(atmosphere, dust=NEWER_DUST * atmosphere.dust, ozone=NEWER_OZONE * atmosphere.ozone)
+    by_air, by_dust = atmosphere.spectra(direction)
+    weight = np.gradient(up[:, 0])[:, None].repeat(COLUMNS, 1).reshape(-1, 1)
+    mean = (weight * (by_air + (1 - FORWARD) * by_dust)).sum(0) / weight.sum()
+    ground = GROUND / np.pi * np.sin(max(atmosphere.elevation, 0)) * atmosphere._sun_spectrum()
+    again = AGAIN * (mean + ground) * atmosphere.scattered(direction)
+    return NEWER_TINT * _rgb(by_air + by_dust + again).reshape(ROWS, COLUMNS, 3)
 
 
 def _distance_to(radius: float, point: np.ndarray, direction: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from .preetham import preetham_sky
 
 HOSEK_WILKIE = 0.16                      # brightness of its sky over that of Preetham's, about
 BELOW = {False: 2.5, True: 5.0}          # how fast the sky ends below the horizon, by whether it scatters light again
-DISC = {False: 0.84, True: 0.97}          # irradiance of the sun over what comes through the air, likewise
+DISC = {False: 0.84, True: 0.97}         # irradiance of the sun over what comes through the air, likewise
 MIN_SUN_RADIUS = math.radians(0.6)       # what the map can resolve
 EDGE = math.radians(0.3)                 # width of the disc's border, so that it does not matter where a ray hits
 
