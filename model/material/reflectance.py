@@ -27,9 +27,9 @@ def layer_reflectance(ior: np.ndarray, transmission: np.ndarray) -> np.ndarray:
     return normal_reflectance(ior.clip(LEAST_IOR)) * (1 - transmission / 2)
 
 
-def blurred(roughness: np.ndarray) -> np.ndarray:
-    """Perceptual roughness as Cycles uses it for paths that have bounced off a diffuse surface."""
-    return np.maximum(roughness, BLURRED ** 0.5)
+def blurred(roughness):
+    """Perceptual roughness as Cycles uses it for paths that have bounced off a diffuse surface; array or tensor."""
+    return roughness.clip(BLURRED ** 0.5)
 
 
 def widened(roughness, alpha2):

@@ -23,6 +23,7 @@ from .bright_patches import BrightPatches
 from .guide import Guide
 from .matte_rays import MatteRays
 from .panes import Panes
+from .patch_layers import PatchLayers
 from .patch_lobes import PatchLobes
 from .patches import Patches
 from .polished import Mirrored, PolishedMetal
@@ -178,7 +179,7 @@ class GatherScene:
         self._refracts = scene.has_caustics["refractive"]
         seen = patches.patch if self._refracts else patches.patch.where(patches.solid, self.count)
         self._seen = F.pad(seen, (0, 1), value=self.count).to(device)  # the same, nothing for glass that is not seen
-        self._bright = self._guide = self.lobes = None
+        self._bright = self._guide = self.lobes = self._layers = None
         self.corners, self._is_solid = patches.corners.to(device), patches.solid.to(device)
         self._locator = patches.locator.to(device)
         self.fog = direct.fog
@@ -205,9 +206,10 @@ class GatherScene:
         """Guide rays from now on by what these, from points and normals (P, 3), gather of `leaving` (sides, 3)."""
         self._guide = Guide(x, n, gathered.direction, *gathered.arriving(leaving, self.environments[Ray.DIFFUSE]))
 
-    def spread(self, lobes: PatchLobes) -> None:
-        """Compute for all rays from now on how much more than matte sides these lobes send along them."""
-        self.lobes = lobes
+    def spread(self, lobes: PatchLobes, layers: PatchLayers) -> None:
+        """Compute for all rays from now on how much more than matte sides these lobes, and what is below these layers,
+        send along them."""
+        self.lobes, self._layers = lobes, layers
 
     def diffuse(self, position: Tensor, normal: Tensor, start: Tensor, rays: int, aimed: int) -> Gathered:
         """Trace rays from matte points (P, 3) with unit normals (P, 3), and `aimed` more towards bright patches.
@@ -240,9 +242,13 @@ class GatherScene:
             self._pass_glass(rays, ray, weight)
         if rays.mirrored is not None:
             rays.pass_polished()
-        excess = None if self.lobes is None else self.lobes.excess(rays.side, rays.along.T).view(count, total)
-        share, tint = rays.tint.mean(1), rays.tint
-        color = (tint / share[:, None].clamp_min(1e-9)).view(count, total, 3) if tint.shape[1] == 3 else None
+        share, tint, excess = rays.tint.mean(1), rays.tint, None
+        if self.lobes is not None:
+            excess = self.lobes.excess(rays.side, rays.along.T).view(count, total)
+            share = share * self._layers.factor(rays.side, rays.cosine.abs())
+        color = None
+        if tint.shape[1] == 3:
+            color = (tint / tint.mean(1, keepdim=True).clamp_min(1e-9)).view(count, total, 3)
         share = share.view(count, total) if weight is None else share.view(count, total) * weight
         sky = (rays.sees_sky[:, None] * tint).unflatten(0, (count, total))[:, :unaimed]
         return Gathered(direction[:, :unaimed], rays.side.view(count, total), share, sky, media, of_unaimed, fire,
@@ -294,7 +300,9 @@ class GatherScene:
             rays.tint = rays.tint.repeat(1, 3)
         rays.tint[glass.ray] *= glass.transmittance[:, :rays.tint.shape[1]]
         hits = self.surfaces[ray].nearest(glass.begin, glass.onward)
-        rays.side[glass.mirroring] = self.hit_sides(hits.triangle, hits.weights, glass.onward)
+        piece = self._locator.find(hits.triangle, hits.weights)
+        rays.cosine[glass.mirroring] = cosine = dot(self._facing.index_select(0, piece), glass.onward)
+        rays.side[glass.mirroring] = self._sides(piece, cosine)
         rays.tint[glass.mirroring] = glass.mirrored.expand(-1, rays.tint.shape[1])
         rays.along = rays.along.index_put((glass.mirroring,), glass.onward)
         row, light = glass.ray, glass.sky

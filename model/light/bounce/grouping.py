@@ -2,16 +2,19 @@
 """Group the small triangles of fine meshes, so that there are thousands of patches instead of millions."""
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ...clusters import cell_index, facing_side, group_key, groups_of
 from ...geometry import area_vectors
 
 MANY = 1 << 16   # triangles up to which each is an element
-FINEST = 0.008   # side of a cell whose triangles are one patch, where a unit of area gets all patches
-COARSER = 2 ** 0.25  # growth of the cells while there are too many
-CRUMBS = 8       # groups that a surface must have by itself to share none with others, in the finest cells
-SHARED = 2       # growth of that number
+FINEST = 0.004   # side of a cell whose triangles are one patch, where a unit of area gets all patches
+COARSER = 2 ** 0.125  # growth of the cells in each step, of which there are whole ones: they stay while things move
+CRUMBS = 0.5     # groups that a surface must have by itself to share none with others, in the finest cells
+FEWER = 0.3      # power of how many too many groups there are, with which cells grow at once
+SHARED = 4       # power of the size of cells, with which that number grows
 
 
 def group_elements(corners: np.ndarray, token: np.ndarray, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -39,8 +42,10 @@ def group_patches(center: np.ndarray, vector: np.ndarray, kind: np.ndarray, open
     flicker when another moves.
     """
     level, facing = _level(density), facing_side(vector)
-    cell, crumbs = FINEST, float(CRUMBS)
+    step = 0
     while True:
+        growth = COARSER ** step
+        cell, crumbs = FINEST * growth, CRUMBS * growth ** SHARED
         shared = group_key(kind, facing, level, *cell_index(center, cell * 2 ** (level / 2)))
         own = group_key(shared, openness, surface)
         first = np.unique(own, return_index=True)[1]
@@ -48,7 +53,7 @@ def group_patches(center: np.ndarray, vector: np.ndarray, kind: np.ndarray, open
         groups, group = np.unique(np.where(is_crumb, shared, own), return_inverse=True)
         if len(groups) <= most:
             return group.reshape(-1), len(groups)
-        cell, crumbs = cell * COARSER, crumbs * SHARED
+        step += max(int(FEWER * math.log(len(groups) / most, COARSER)), 1)
 
 
 def _level(density: np.ndarray) -> np.ndarray:

@@ -43,6 +43,11 @@ class Openness:
         kind = (shares[..., 0] > COVERED) + 2 * (shares[..., 1] > OUTSIDE)
         return 3 * kind[:, 0] + kind[:, 1]
 
+    def is_buried(self, x: Tensor, n: Tensor) -> Tensor:
+        """(P,) bool, whether points (P, 3) with unit normals (P, 3) are inside of something, such as another object."""
+        shares = shared(self._side, *(values.to(self.device).split(LARGEST) for values in (x, n)), device=self.device)
+        return (torch.cat(shares)[:, 0] > COVERED).cpu()
+
     def _shares(self, corners: np.ndarray, weights: tuple[float, float]) -> np.ndarray:
         """(N, 2, 2) shares of the rays from a point on fronts and backs that hit backs, and that hit nothing."""
         weights = np.float32((*weights, 1 - sum(weights)))

@@ -11,7 +11,6 @@ from functools import cached_property
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn import functional as F
 
 from ...clusters import groups_of
 from ...geometry import area_vectors, surfaces
@@ -20,9 +19,7 @@ from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderS
 from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, BOUNCED, REFLECTING, SOLID, STRAIGHT_THROUGH, Kind, clear_tiles, is_kind
 from ..direct.emitter_light import NearEmitters
-from ..direct.terminator import edge_heights, heights
 from ..fresnel import layer_albedo, single_scattering
-from ..sampling import hashed_starts, triangle_weights
 from .grouping import group_elements, group_patches
 from .openness import Openness
 from .slices import slice_counts
@@ -35,7 +32,6 @@ BY_EMITTERS = 0.5    # share of all patches that is distributed by the distance 
 SPLIT_AT_ONCE = 512  # triangles that are split before the largest are searched again
 TRANSMITTED = 0.5    # share of a glass's light that spreads to either side like that of a diffuse lobe
 LEAST_SOLID = 0.02   # share that does not pass straight, of a surface that light passes straight
-LEAST_ALONG = 0.2    # of a shading normal along the normal
 STEEP = 0.7          # of the glossy light of metals: emitters light most surfaces more steeply than uniform light
 REGULAR = 3 ** 0.5 / 4  # area of a triangle with three sides of length 1
 LONG = 0.25          # how far a long triangle counts as a regular one of its length, not of its area
@@ -49,7 +45,7 @@ class Patches:
     center: Tensor   # (S, 3) f32
     vector: Tensor   # (S, 3) f32, area vectors
     albedo: Tensor   # (S, 9) f32, RGB of the diffuse lobe, of metal, and of the layer of a dielectric
-    layer: Tensor    # (S, 2) f32, f0 and perceptual roughness of that layer
+    layer: Tensor    # (S, 2) f32, f0 and perceptual roughness of that layer, which Cycles blurs
     back_albedo: Tensor  # (S, 9) f32, the same of their backs
     back_layer: Tensor   # (S, 2) f32
     translucent: Tensor  # (S, 3) f32, share of the diffuse light that goes to the other side
@@ -77,31 +73,6 @@ class Patches:
     @cached_property
     def _vectors(self) -> Tensor:
         return torch.from_numpy(area_vectors(self.corners.numpy()))
-
-    def points(self) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """(S, 3) a point on the front of each patch, unit normals there, those for shading, and the way up from there
-        to the curved surface that these describe.
-
-        As in Cycles, light falls by the shading normals, but only on what it meets from the front of that surface.
-        """
-        vector = self.facing
-        order = self.patch.argsort(stable=True)
-        cumulative = vector.norm(dim=-1)[order].double().cumsum(0)  # area up to the end of each triangle, by patch
-        ends = cumulative[self.patch[order].bincount(minlength=len(self.center)).cumsum(0) - 1]
-        begins = F.pad(ends[:-1], (1, 0))
-        share, u, v = hashed_starts(self.center, 3).T
-        row = torch.searchsorted(cumulative, begins + share * (ends - begins))
-        triangle = order[row.clamp(max=len(order) - 1)]
-        weights = triangle_weights(u, v)
-        height = heights(edge_heights(self.corners[triangle], self.normals[triangle]), weights)
-        height = (height + (weights * self.height[triangle]).sum(1)).clamp_min(0)
-        weights = weights[..., None]
-        normal = F.normalize(vector[triangle], dim=-1)
-        shading = self.turned[triangle] * F.normalize((weights * self.normals[triangle]).sum(1), dim=-1)
-        along = (shading * normal).sum(-1, keepdim=True)
-        shading = F.normalize(shading + (LEAST_ALONG - along).clamp_min(0) * normal, dim=-1)
-        up = height[:, None] * (self.turned[triangle] > 0) * shading
-        return (weights * self.corners[triangle]).sum(1), normal, shading, up
 
 
 def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
@@ -170,9 +141,8 @@ def tile_albedo(means: np.ndarray, single: np.ndarray) -> np.ndarray:
     diffuse lobe, of metal, of a dielectric's layer."""
     base, metallic, transmission = means[:, BASE_COLOR], means[:, METALLIC, None], means[:, TRANSMISSION, None]
     inside = (1 - transmission) + TRANSMITTED * transmission
-    f0, blurred_to = map(torch.from_numpy, _layer(means).T)
-    roughness = torch.from_numpy(means[:, ROUGHNESS])
-    own, sent = (layer_albedo(f0, roughness, facets)[:, None].numpy() for facets in (None, blurred_to))
+    f0, roughness = map(torch.from_numpy, _layer(means).T)
+    own, sent = (layer_albedo(f0, roughness, facets)[:, None].numpy() for facets in (None, blurred(roughness)))
     diffuse = (1 - metallic) * (1 - own) * base * inside
     once = single_scattering(torch.from_numpy(base), roughness).numpy()
     metal = metallic * base * (1 + single[:, None] * (once - 1))
@@ -181,7 +151,7 @@ def tile_albedo(means: np.ndarray, single: np.ndarray) -> np.ndarray:
 
 def _layer(means: np.ndarray) -> np.ndarray:
     """(tiles, 2) as Patches.layer, of the same."""
-    return np.stack([normal_reflectance(means[:, IOR].clip(1)), blurred(means[:, ROUGHNESS])], axis=1)
+    return np.stack([normal_reflectance(means[:, IOR].clip(1)), means[:, ROUGHNESS]], axis=1)
 
 
 def _split(subdivision: Subdivision, emitters: NearEmitters, shines: np.ndarray, most: int) -> None:

@@ -16,6 +16,7 @@ from torch import Tensor
 
 from ...compute.inference import current_pieces
 from ...compute.threads import shared
+from ...material.reflectance import blurred
 from ...progress import part
 from ...scene import ANY, RenderScene
 from ...scene_rays import scene_rays
@@ -32,7 +33,9 @@ from .bounces import Bounces, bounce, spread_through, translucent_chains
 from .bright_patches import importance_by_arrival, importance_by_power
 from .final_gather import Gathered, GatherScene
 from .openness import Openness
+from .patch_layers import PatchLayers
 from .patch_lobes import PatchLobes
+from .patch_points import PatchPoints, patch_points
 from .patches import PATCHES, STEEP, Patches, make_patches
 
 PATCH_RAYS = 16   # from each side of a patch
@@ -71,13 +74,11 @@ class Radiosity:
 
     def __init__(self, scene: RenderScene, direct: DirectLight, effort: Effort = FULL):
         with part(0.0, 0.3):
-            (patches, self.gather_scene), (photons, self.caustics) = shared(
+            (patches, points, self.gather_scene), (photons, self.caustics) = shared(
                 lambda make: make(), (partial(_make_patches, scene, direct, effort),
                                       partial(_trace_caustics, scene, direct, effort)), device=direct.device)
         # All fronts, then all backs, here and below.
-        points, normals, shading, up = patches.points()
-        x, normals, n, up = (torch.cat(sides).to(direct.device) for sides in (
-            (points, points), (normals, -normals), (shading, -shading), (up, torch.zeros_like(up))))
+        x, normals, n, up = (torch.cat(sides).to(direct.device) for sides in points.on_both_sides())
         albedo, of_layer = (torch.cat(sides).to(direct.device) for sides in (
             (patches.albedo, patches.back_albedo), (patches.layer, patches.back_layer)))
         diffuse, metal, layer = albedo.split(3, dim=1)
@@ -85,7 +86,7 @@ class Radiosity:
             metal = layer = torch.zeros_like(diffuse)
         translucent = patches.translucent.repeat(2, 1).to(direct.device) if patches.translucent.any() else None
         lit = partial(spread_through, translucent)
-        f0, roughness = of_layer.unbind(1)
+        f0, roughness = of_layer[:, 0], blurred(of_layer[:, 1])
         area = patches.vector.norm(dim=-1).to(direct.device)
         size = patches.weight.repeat(2).to(direct.device)
         self._most = Bounces.of(scene)
@@ -100,7 +101,9 @@ class Radiosity:
         self.glow = glow if glow.any() else None
         self.gather_scene.aim(importance_by_power(sum(firsts.values()) + glow, size))
         if (metal + layer).any():
-            self.gather_scene.spread(_lobes(lights, metal, layer, of_layer, normals))
+            lobes = _lobes(lights, metal, layer, f0, roughness, normals)
+            share = diffuse.mean(1) / (diffuse + metal + layer).mean(1).clamp_min(1e-9)
+            self.gather_scene.spread(lobes, PatchLayers(*of_layer.unbind(1), share))
         with part(0.5, 1.0):
             gathered = self._exchanged(x, n, normals, effort)
             fire = self._with_glow(gathered.fire, gathered)
@@ -233,12 +236,13 @@ class Radiosity:
         return GlossyLight(complete, bounced, missed, sky, highlights)
 
 
-def _make_patches(scene: RenderScene, direct: DirectLight, effort: Effort) -> tuple[Patches, GatherScene]:
+def _make_patches(scene: RenderScene, direct: DirectLight,
+                  effort: Effort) -> tuple[Patches, PatchPoints, GatherScene]:
     emitters = direct.emitters.near()
     openness = Openness(scene, direct.occluders, direct.device) if effort.walls else None
     share = min(SHADOW_RAYS / (2 * PATCHES * max(len(emitters.power_share), 1)), effort.patches)
     patches = make_patches(scene, emitters, share, openness)
-    return patches, GatherScene(scene, patches, direct)
+    return patches, patch_points(patches, openness), GatherScene(scene, patches, direct)
 
 
 def _trace_caustics(scene: RenderScene, direct: DirectLight, effort: Effort) -> tuple[Photons | None, PhotonMap]:
@@ -252,11 +256,10 @@ def _trace_caustics(scene: RenderScene, direct: DirectLight, effort: Effort) -> 
     return photons, PhotonMap(photons.position, photons.normal, photons.flux, lit_surfaces(scene), effort.photon_grids)
 
 
-def _lobes(lights: dict[int, tuple[Tensor, ...]], metal: Tensor, layer: Tensor, of_layer: Tensor,
+def _lobes(lights: dict[int, tuple[Tensor, ...]], metal: Tensor, layer: Tensor, f0: Tensor, roughness: Tensor,
            normals: Tensor) -> PatchLobes:
-    """The lobes of sides with albedos and normals (sides, 3) and `of_layer` (sides, 2)."""
+    """The lobes of sides with albedos and normals (sides, 3), f0 and roughness (sides,)."""
     light, toward = (sum(kinds) for kinds in list(zip(*lights.values(), strict=True))[1:])
     metal, layer = metal.mean(1), layer.mean(1)
-    f0, roughness = of_layer.unbind(1)
     return PatchLobes(normals, toward / light.mean(1, keepdim=True).clamp_min(1e-20),
                       torch.lerp(f0, torch.ones_like(f0), metal / (metal + layer).clamp_min(1e-9)), roughness)

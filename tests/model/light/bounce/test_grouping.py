@@ -29,7 +29,7 @@ def test_elements_are_of_one_token_and_cell_and_named_by_their_largest_triangle(
     assert len(largest) < len(corners) / 8 and largest[element[5]] == 5
     assert (token[largest][element] == token).all()
     middle = corners.mean(axis=1)
-    assert np.linalg.norm(middle - middle[largest][element], axis=1).max() < 2 * 0.008 * 0.01 ** -0.5
+    assert np.linalg.norm(middle - middle[largest][element], axis=1).max() < 2 * grouping.FINEST * 0.01 ** -0.5
 
 
 def test_many_small_objects_leave_room_for_the_floor_that_they_lie_on():

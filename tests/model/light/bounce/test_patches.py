@@ -81,29 +81,6 @@ def test_of_parts_as_large_as_each_other_a_patch_stands_on_the_first():
     torch.testing.assert_close(middle, center[:1], rtol=0, atol=0)
 
 
-def test_the_points_of_patches_lie_on_them():
-    scene = closed_box((0.5, 0.5, 0.5))
-    made = make_patches(scene, DirectLight(scene).emitters.near())
-    points, normals, shading, _ = made.points()
-    torch.testing.assert_close(shading, normals)  # where there are no others
-    assert points.shape == normals.shape == (len(made.center), 3)
-    torch.testing.assert_close(points.abs().amax(-1), torch.ones(len(points)), atol=1e-5, rtol=0)
-    away = (points - made.center).norm(dim=-1) / made.vector.norm(dim=-1).sqrt()
-    assert (away <= 2).all() and (away > 0.1).float().mean() > 0.9
-    assert ((normals * made.vector).sum(-1) > 0).all()
-
-
-def test_patches_are_shaded_by_the_normals_of_corners_on_the_side_of_their_fronts():
-    scene = with_black_lamps(floor_scene())
-    scene.normals[:] = (0.6, 0, 0.8)
-    _, normals, shading, _ = patches_of(scene).points()
-    torch.testing.assert_close(shading * normals[..., 2:], torch.tensor([0.6, 0, 0.8]).expand_as(shading))
-    scene = floor_scene()
-    scene.normals[:] = (1, 0, -0.1)  # below the surface, from where no light can come
-    _, normals, shading, _ = patches_of(scene).points()
-    assert ((shading * normals).sum(-1) > 0.1).all()
-
-
 def test_a_smooth_layer_takes_its_own_share_of_the_diffuse_light_and_sends_on_as_much_as_a_blurred_one():
     """Cycles blurs glossy surfaces that matte ones see, and a rougher layer reflects less at a slant."""
     scene = floor_scene()
