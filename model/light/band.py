@@ -69,11 +69,12 @@ class Band:
                 lobes = self._direct(sky, gloss, of_coat, refracted.get("direct"))
             if surfaces.translucent is not None:
                 lobes[0] = torch.lerp(lobes[0], behind["complete"] - behind["bounced"], surfaces.translucent)
-            white = diffuse["complete"] if fire is None else diffuse["complete"] + fire
+            white = gloss.to_diffuse(diffuse["complete"], surfaces.diffuse_ratio, is_traced=False)
+            white = white if fire is None else white + fire
             complete = surface_light("complete", white, gloss.complete, lobes, glow=_glow(direct, surfaces))
             if not view.is_traced:
                 return complete
-        white = gloss.remove_missed(diffuse["bounced"], surfaces.diffuse_ratio)
+        white = gloss.to_diffuse(diffuse["bounced"], surfaces.diffuse_ratio, is_traced=True)
         traced = tensors_on(direct.device)(self.guides.traced).clamp_min(0)
         beside = surface_light("bounced", white, gloss.bounced, traced=traced)
         if not view.with_direct:

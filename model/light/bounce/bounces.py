@@ -59,33 +59,36 @@ def spread_through(translucent: Tensor | None, light: Tensor) -> Tensor:
 
 
 def bounce(gathered: Gathered, light: Tensor, of_lobes: Tensor, diffuse: Tensor, glossy: Tensor,
-           translucent: Tensor | None, most: Bounces) -> tuple[Tensor, Tensor]:
+           translucent: Tensor | None, most: Bounces) -> tuple[Tensor, Tensor, Tensor]:
     """What becomes of `light` (sides, 3) that leaves the patches, by as many bounces as are allowed: (sides, 3) each.
 
-    Separately by glossy bounces alone, which Cycles' traced light follows from mirrors, and by all others. of_lobes:
+    Separately by glossy bounces alone, which Cycles' traced light follows from mirrors, and by all others; and the last
+    diffuse bounce, which is left to those who see patches in a glossy surface or through a translucent one. of_lobes:
     (sides, 3), what of the light goes the way of PatchLobes. translucent: (sides, 3), of diffuse light the share that
     leaves the other side, which counts as transmission.
     """
     reflected = diffuse if translucent is None else diffuse * (1 - translucent)
     now = {(0, 0): light}  # by number of diffuse and of glossy bounces
-    glossily, diffusely = torch.zeros_like(light), torch.zeros_like(light)
+    glossily, diffusely, last = (torch.zeros_like(light) for _ in range(3))
     for count in range(1, most.all + 1):
         leaving = torch.cat(list(now.values()), 1)
         arriving = gathered.with_lobes(leaving, of_lobes) if count == 1 else gathered.radiance(leaving)
         arriving, now = dict(zip(now, arriving.split(3, 1))), {}
         for (d, g), some in arriving.items():
-            if d < most.diffuse:
+            if d < most.diffuse + most.diffusely:
                 now[d + 1, g] = reflected * some + now.get((d + 1, g), 0)
             if g < most.glossy:
                 now[d, g + 1] = glossy * some + now.get((d, g + 1), 0)
             if translucent is not None and count - d - g <= most.transmission:
                 now[d, g] = diffuse * translucent * some.roll(len(some) // 2, 0) + now.get((d, g), 0)
-        if not now:
-            break
         now = {pair: now[pair] for pair in sorted(now)}
-        for (d, g), bounced in now.items():
-            if g and not d:
+        for (d, g), bounced in list(now.items()):
+            if d > most.diffuse:
+                last = last + now.pop((d, g))
+            elif g and not d:
                 glossily = glossily + bounced
             else:
                 diffusely = diffusely + bounced
-    return glossily, diffusely
+        if not now:
+            break
+    return glossily, diffusely, last

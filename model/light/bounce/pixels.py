@@ -40,6 +40,7 @@ class GlossyPixels:
     """GlossyLight of all pixels."""
 
     complete: Tensor       # (h, W, 3) radiance of a white glossy lobe
+    further: Tensor        # (h, W, 3) what the diffuse lobe has besides, as of GlossyLight
     bounced: Tensor | None  # (h, W, 3) what of it traced light does not contain, where light was traced
     missed: Tensor | None  # (h, W, 3) part of that which traced light has instead of light of the diffuse lobe
     sky: Tensor | None     # (h, W, 3) visibility of the sky in the lobe
@@ -57,15 +58,17 @@ class GlossyPixels:
     def mixed(self, other: GlossyPixels, share: Tensor) -> GlossyPixels:
         """With a share (h, W, 3) of the light of another lobe; the visibility of the sky is still that of this one."""
         mixed = {kind: torch.lerp(getattr(self, kind), getattr(other, kind), share)
-                 for kind in ("complete", "bounced", "missed") if getattr(self, kind) is not None}
+                 for kind in ("complete", "further", "bounced", "missed") if getattr(self, kind) is not None}
         return replace(self, **mixed)
 
-    def remove_missed(self, bounced: Tensor, diffuse_ratio: Tensor) -> Tensor:
-        """`bounced` (h, W, 3) light of a white diffuse lobe without what traced light contains of it.
+    def to_diffuse(self, light: Tensor, diffuse_ratio: Tensor, is_traced: bool) -> Tensor:
+        """Indirect `light` (h, W, 3) of a white diffuse lobe with what it has besides, and, where light `is_traced`,
+        without what that contains of it.
 
         diffuse_ratio: (h, W), as of HitSurfaces.
         """
-        return (bounced - self.missed / diffuse_ratio[..., None].clamp_min(LEAST_RATIO)).clamp_min(0)
+        besides = self.further - self.missed if is_traced else self.further
+        return (light + besides / diffuse_ratio[..., None].clamp_min(LEAST_RATIO)).clamp_min(0)
 
 
 def glossy_bounces(radiosity: Radiosity, probes: Probes, surfaces: HitSurfaces, filters: Iterable[Filter],
@@ -82,7 +85,7 @@ def glossy_bounces(radiosity: Radiosity, probes: Probes, surfaces: HitSurfaces, 
         for where, used in ((~is_rough, SMOOTH[:1]), (is_rough, filters)))
     pictures = {name: smooth[name] + rough[name] for name in smooth}
     bounced = pictures["bounced"] + pictures["missed"] if is_traced else None
-    return GlossyPixels(pictures["complete"], bounced, pictures.get("missed"), pictures.get("sky"),
+    return GlossyPixels(pictures["complete"], pictures["further"], bounced, pictures.get("missed"), pictures.get("sky"),
                         pictures["highlights"])
 
 

@@ -63,6 +63,7 @@ class GlossyLight(NamedTuple):
     """Light that white glossy surfaces send towards the viewer at P points."""
 
     complete: Tensor               # (P, 3) radiance of all indirect light
+    further: Tensor                # (P, 3) what their diffuse lobes have besides, of light that bounced once more
     bounced: Tensor | None = None  # (P, 3) what of it has bounced diffusely before, where light was traced
     missed: Tensor | None = None   # (P, 3) what of the rest Cycles' traced light leaves out
     sky: Tensor | None = None      # (P, 3) visibility of the sky in the lobe
@@ -109,22 +110,23 @@ class Radiosity:
             fire = self._with_glow(gathered.fire, gathered)
         glossy = metal + layer
         through = (diffuse + glossy) * lit(gathered.through() + self._of_photons(photons, area))
-        # (sides, 3) radiance that leaves all sides of patches, and what of it has bounced diffusely, or through glass
-        self.leaving = self.bounced_before = self._of_lobes = torch.zeros_like(through)
+        # (sides, 3) radiance that leaves all sides of patches, and what of it has bounced diffusely, or through glass;
+        # and what has bounced diffusely once more
+        self.leaving = self.bounced_before = self._bounced_last = self._of_lobes = torch.zeros_like(through)
         for most in firsts:
             first, of_lobes = firsts[most], glossy_firsts[most]
             if fire is not None and most == ANY:
                 first = first + (diffuse + glossy) * lit(fire)
             before = through if most == ANY else torch.zeros_like(through)
             most = self._most.at_most(most)
-            glossily, diffusely = bounce(gathered, first + before, of_lobes, diffuse, glossy, translucent, most)
+            glossily, diffusely, last = bounce(gathered, first + before, of_lobes, diffuse, glossy, translucent, most)
             bounced_before = before + diffusely
             self.bounced_before = self.bounced_before + bounced_before
             if translucent is not None:
                 chains = translucent_chains(gathered, first, diffuse * translucent, most)
                 self.bounced_before = self.bounced_before - chains
             self.leaving = self.leaving + (first + bounced_before + glossily)
-            self._of_lobes = self._of_lobes + of_lobes
+            self._of_lobes, self._bounced_last = self._of_lobes + of_lobes, self._bounced_last + last
         self.gather_scene.aim(importance_by_arrival(self.leaving, size, gathered.side, gathered.share))
         self.gather_scene.guide(x, n, gathered, self.leaving)
 
@@ -200,6 +202,7 @@ class Radiosity:
         """(P, 3) as of `diffuse`: "all" light, and what of it has "bounced" before, which traced light has not."""
         gathered = self._gathered(position, normal, number, effort)
         other = gathered.through() + self.caustics.radiance(position, normal)
+        other = other + gathered.radiance(self._bounced_last)
         return {"all": self._with_glow(gathered.with_lobes(self.leaving, self._of_lobes) + other, gathered),
                 "bounced": gathered.radiance(self.bounced_before) + other}
 
@@ -211,7 +214,7 @@ class Radiosity:
         roughness (perceptual), f0: (P,); diffuse_ratio: (P,), albedo of the diffuse lobe over that of the glossy one;
         number: (P,) as above. traced: whether Cycles traced light. It follows as many paths from a surface as its
         glossy lobe has a share in each direction, so it leaves out as much of that lobe's light as it traces of the
-        diffuse one's, by the albedos of both.
+        diffuse one's, by the albedos of both. Such paths may bounce diffusely once more than those from a diffuse lobe.
         """
         direction, weight, cosine, density = ggx_directions(normal, outgoing, roughness, effort.of_probe(GLOSSY_RAYS),
                                                             r2_starts(number))
@@ -221,19 +224,22 @@ class Radiosity:
         if not self._most.glossily:
             weight = torch.zeros_like(weight)
         skies, highlights = gathered.specular(weight)
-        complete = gathered.with_lobes(self.leaving, self._of_lobes, weight) + skies + highlights
+        diffuse = diffuse_ratio[:, None] * (direction @ normal[..., None])[..., 0].clamp_min(0) / math.pi
+        share = diffuse / (diffuse + weight * density).clamp_min(1e-6)  # of paths from the diffuse lobe
+        last = gathered.radiance(self._bounced_last, weight * (1 - share))
+        to_diffuse = (weight * share).mean(1, keepdim=True)
+        further = last * to_diffuse / (weight.mean(1, keepdim=True) - to_diffuse).clamp_min(1e-6)
+        complete = gathered.with_lobes(self.leaving, self._of_lobes, weight) + last + skies + highlights
         complete = self._with_glow(complete, gathered, weight)
         bounced = missed = None
         if traced:
-            diffuse = diffuse_ratio[:, None] * (direction @ normal[..., None])[..., 0].clamp_min(0) / math.pi
-            share = diffuse / (diffuse + weight * density).clamp_min(1e-6)
-            bounced = gathered.radiance(self.bounced_before, weight)
+            bounced = gathered.radiance(self.bounced_before, weight) + last
             missed = (gathered.with_lobes(self.leaving - self.bounced_before, self._of_lobes, weight * share)
                       + sum(gathered.specular(weight * share)))
             if not self._most.diffusely:  # what is traced is all there is
                 bounced, missed = torch.zeros_like(bounced), torch.zeros_like(missed)
         sky = gathered.sky_visibility(self.gather_scene.environments[Ray.GLOSSY], weight) if with_sky else None
-        return GlossyLight(complete, bounced, missed, sky, highlights)
+        return GlossyLight(complete, further, bounced, missed, sky, highlights)
 
 
 def _make_patches(scene: RenderScene, direct: DirectLight,

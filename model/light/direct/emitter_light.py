@@ -208,8 +208,8 @@ class EmitterLight:
         """(P, 3) radiance that arrives in the air at points x (P, 3), the mean over all directions."""
         direction, sine2, in_beam = self.shapes.directions(x)
         is_lit = (in_beam > 0) & self._to_air.any(1)
-        return _arriving(sine2 / 4 * in_beam, self._shadows.trace(x, is_lit, direction, hashed_starts(x, 2)),
-                         self._to_air)
+        visible = self._shadows.visible(x[:, None], None, hashed_starts(x, 2)[:, None], is_lit, direction)
+        return _arriving(sine2 / 4 * in_beam, visible, self._to_air)
 
     def unshadowed_in_air(self, x: Tensor) -> Tensor:
         """The same without what is in the way."""

@@ -11,21 +11,24 @@ import copy
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
 from ...scene import RenderScene
 from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, OCCLUDING, SHADING, Kind, Ray
 from ..cutouts import Cutouts
 from ..media.transmittance import Fog
+from ..sampling import R2, hashed_starts
 from ..tensor_rays import TensorRays
 from ..vectors import dot, length, unit
-from .emitter_shapes import EmitterShapes
+from .emitter_shapes import LEAST_COSINE, EmitterShapes
 from .emitters import ROUND, Limits
 from .environment_light import LIFT
 from .straight_glass import StraightGlass
 from .terminator import start_heights
 
 FOG_REACH = 3.0  # network units from the centre: fog beyond dims no emitter
+CHOICES = 4      # places on an emitter for the rays of a point to it, if these are fewer
 FARTHEST = 4.0   # network units between surfaces and glass at most: so far the light of a sun spreads
 END_GAP = 4e-3   # network units before a surface that shines at which a shadow ray ends: emitters stand for it
 OF_ALL = ("_before", "_occluder", "casts_shadows")  # fields of EmitterShadows that have a row for each emitter
@@ -69,40 +72,57 @@ class EmitterShadows:
         width = self._shapes.reach * (FARTHEST / distance.clamp_min(1e-9)).clamp(max=1)
         return self._glass.around.is_near(x[:, None], unit(ray), distance, width).any(1)
 
-    def visible(self, origin: Tensor, n: Tensor, start: Tensor, is_lit: Tensor, direction: Tensor) -> Tensor:
-        """As `trace`, by K rays of points with unit normals (P, 3).
+    def visible(self, origin: Tensor, n: Tensor | None, start: Tensor, is_lit: Tensor, direction: Tensor) -> Tensor:
+        """(P, E, 1) or (P, E, 3) share of each emitter's light that arrives at P points, where `is_lit` (P, E).
 
-        origin: as of EmitterLight.visibility, or (P, 1, ...); start: (P, K, 2).
+        By K rays each, which count by the light that comes from where they end. origin: as of EmitterLight.visibility,
+        or (P, 1, ...); n: (P, 3) unit normals, below whose horizon no ray goes, or none of points in the air; start:
+        (P, K, 2), where on emitters the rays end; direction: (3, P, E), to the emitters.
         """
         origin, *curved = origin.split(3, 2)
-        raised = None
+        point, emitter = (is_lit & self.casts_shadows).nonzero().unbind(1)
+        toward, raised = direction[:, point, emitter].T, 0.0
         if curved:  # of a point all rays have the same
             face, up = (x[:, 0] for x in curved)
-            raised = start_heights(direction, face, n), up
-        rays = zip(origin.expand(-1, start.shape[1], -1).unbind(1), start.unbind(1), strict=True)
-        return sum(self.trace(x + LIFT * n, is_lit, direction, on_emitter, n, raised)
-                   for x, on_emitter in rays) / start.shape[1]
-
-    def trace(self, x: Tensor, is_lit: Tensor, direction: Tensor, start: Tensor, n: Tensor | None = None,
-              raised: tuple[Tensor, Tensor] | None = None) -> Tensor:
-        """(P, E, 1) or (P, E, 3) share of each emitter's light that arrives at points (P, 3) by one ray.
-
-        Where `is_lit` (P, E). direction: (3, P, E), to the emitters; start: (P, 2), where on them the rays end.
-        n: (P, 3) unit normals, below whose horizon no ray goes; raised: a share (P, E) of a way (P, 3) from the points,
-        at which rays start.
-        """
-        point, emitter = (is_lit & self.casts_shadows).nonzero().unbind(1)
-        origin, is_near = x[point], ~self._shapes.is_distant[emitter, None]
-        if raised is not None:
-            origin = origin + raised[0][point, emitter, None] * raised[1][point]
-        ray = self._shapes.points_on(emitter, direction[:, point, emitter].T, start[point]) - origin * is_near
-        if n is not None:
-            ray = _above_horizon(ray, self._shapes.origins[emitter] - origin * is_near, n[point])
-        distance = length(ray)
-        arrives = self.arriving(emitter, origin, ray / distance.clamp_min(1e-9)[:, None], distance)
-        visible = arrives.new_zeros(*is_lit.shape, arrives.shape[1]).index_put((point, emitter), arrives)
-        visible = visible * self.through_media(x[:, None], self._shapes.origins)
+            raised = start_heights(direction, face, n)[point, emitter, None] * up[point]
+        above = None if n is None else n[point]
+        arrived = total = 0.0
+        for x, on_emitter in zip(origin.expand(-1, start.shape[1], -1).unbind(1), start.unbind(1), strict=True):
+            begin = (x if n is None else x + LIFT * n)[point] + raised
+            ray, weight = self._toward(emitter, begin, toward, on_emitter[point], above, CHOICES // start.shape[1])
+            distance = length(ray)
+            arrives = self.arriving(emitter, begin, ray / distance.clamp_min(1e-9)[:, None], distance)
+            arrived, total = arrived + weight * arrives, total + weight
+        visible = total.new_zeros(*is_lit.shape, arrived.shape[1]).index_put((point, emitter), arrived / total)
+        visible = visible * self.through_media(origin.mean(1, keepdim=True), self._shapes.origins)
         return torch.where(self.casts_shadows[:, None], visible, is_lit[..., None])
+
+    def _toward(self, emitter: Tensor, origin: Tensor, direction: Tensor, start: Tensor, n: Tensor | None,
+                choices: int) -> tuple[Tensor, Tensor]:
+        """Vectors (R, 3) from points (R, 3) to places on emitters (R,), and (R, 1) how much light comes from there.
+
+        One place of `choices` each, if there are several, as often as light comes from there, which then counts as
+        their mean (resampled importance sampling, Talbot et al. 2005). direction, n: (R, 3); start: (R, 2).
+        """
+        chosen, total = self._to_place(emitter, origin, direction, start, n)
+        for choice in range(1, choices):
+            start = (start + torch.tensor(R2, device=start.device)) % 1
+            ray, weight = self._to_place(emitter, origin, direction, start, n)
+            total = total + weight
+            is_chosen = hashed_starts(F.pad(start, (0, 1), value=choice), 1) * total < weight
+            chosen = torch.where(is_chosen, ray, chosen)
+        return chosen, total / max(choices, 1)
+
+    def _to_place(self, emitter: Tensor, origin: Tensor, direction: Tensor, start: Tensor,
+                  n: Tensor | None) -> tuple[Tensor, Tensor]:
+        """The same for one place."""
+        origin = origin * ~self._shapes.is_distant[emitter, None]
+        ray = self._shapes.points_on(emitter, direction, start) - origin
+        if n is None:
+            return ray, self._shapes.falloff(emitter, ray)[:, None]
+        ray = _above_horizon(ray, self._shapes.origins[emitter] - origin, n)
+        cosine = dot(ray, n) / length(ray).clamp_min(1e-9)
+        return ray, (self._shapes.falloff(emitter, ray) * cosine.clamp_min(LEAST_COSINE))[:, None]
 
     def arriving(self, emitter: Tensor, origin: Tensor, ray: Tensor, distance: Tensor) -> Tensor:
         """(R, 1) or (R, 3) share of the light of emitters (R,) that comes through what is solid, glass or a card, along

@@ -30,7 +30,7 @@ from .form_factors import (
 )
 from .glossy_lobe import emitter_share, facet_cosines, facet_width2, is_small, small_emitter_share
 from .horizon import lambert_vector
-from .outlines import CIRCLE, RING, fans, ring_points, rings
+from .outlines import CIRCLE, RING, fans, outline_vectors, ring_points, rings
 
 # Squared turn of what a pixel mirrors over that of what facets do, from which on it is sampled finely; and squared size
 # of an emitter over the same turn, up to which
@@ -38,11 +38,12 @@ FINE, LARGE = 1.0, 100.0
 BENEATH = -0.3   # cosine to the middle of a round body, at most, of points on it
 PAIRS = 1 << 14  # of points and emitters, whose outlines are integrated over at a time
 LONG = 5.0         # times that a side of an emitter is longer than another, from which on it is as it is seen
+LEAST_COSINE = 1e-3  # of light that leaves or meets a surface
 IN_PLANE = 1e-3    # network units above the plane of a point up to which a polygon lies in it
 LARGE_SINE2 = 3e-3  # of a polygon, from which on what the horizon leaves of it is exact
 # Fields of EmitterShapes that have a row for each emitter.
 OF_POLYGONS, OF_SPHERES = ("corners", "rings", "_points", "_is_long", "_fan"), ("centers", "radii", "_beyond2")
-OF_ALL = ("origins", "reach", "is_distant", "beam_axis", "beam_cosine", "outward", "is_surface")
+OF_ALL = ("origins", "_normals", "reach", "is_distant", "beam_axis", "beam_cosine", "outward", "is_surface")
 
 
 class EmitterShapes:
@@ -63,6 +64,7 @@ class EmitterShapes:
         edges = self.rings[..., 3:6].norm(dim=-1)
         self._is_long = edges.amax(1) > LONG * edges.amin(1)
         self._fan = to_tensor(fans(emitters.corners))
+        self._normals = F.pad(unit(to_tensor(outline_vectors(emitters.corners))), (0, 0, 0, len(emitters.radii)))
         self.origins = torch.cat([points.mean(1), self.centers])
         self.reach = torch.cat([(points - points.mean(1, keepdim=True)).norm(dim=-1).amax(1), self.radii])
         self.is_distant = self.origins.norm(dim=-1) > DISTANT
@@ -224,6 +226,12 @@ class EmitterShapes:
             return self.origins[emitter] + on_disk
         on_polygon = self._points_on_polygons(emitter.clamp(max=polygons - 1), u, v)
         return torch.where((emitter < polygons)[:, None], on_polygon, self.origins[emitter] + on_disk)
+
+    def falloff(self, emitter: Tensor, ray: Tensor) -> Tensor:
+        """(R,) light along vectors (R, 3) to a place on emitters (R,), relative to other places on it."""
+        length2 = dot(ray, ray).clamp_min(1e-18)
+        facing = dot(self._normals[emitter], ray).abs() * length2.rsqrt()
+        return facing.clamp_min(LEAST_COSINE).where(emitter < len(self.corners), 1.0) / length2
 
     def _points_on_polygons(self, polygon: Tensor, u: Tensor, v: Tensor) -> Tensor:
         """(R, 3) points that cover polygons (R,) evenly for u, v (R,) in [0, 1): triangles around corner 0 by area."""

@@ -33,7 +33,7 @@ def with_leaving(bounce: Radiosity, leaving: torch.Tensor) -> Radiosity:
     """With other radiance (sides, 1 or 3) that leaves the patches."""
     changed = copy(bounce)
     changed.leaving = leaving.expand(-1, 3)
-    changed._of_lobes = torch.zeros_like(changed.leaving)
+    changed._of_lobes = changed._bounced_last = torch.zeros_like(changed.leaving)
     return changed
 
 
@@ -240,6 +240,27 @@ def test_light_between_white_walls_adds_up_as_the_series_of_its_bounces():
     every, again = ((area.repeat(2, 1) * light).sum().item() for light in (bounce.leaving, bounce.bounced_before))
     series = sum(math.comb(d + g, g) * diffuse ** d * glossy ** g for d in range(4) for g in range(3))
     assert again / (every - again) == pytest.approx(series - 1, rel=0.05)
+
+
+def test_what_a_glossy_surface_shows_has_bounced_diffusely_once_more():
+    """As in Cycles: glossy and diffuse bounces are counted apart. What paths from the diffuse lobe bring has not."""
+    scene = closed_box((0.8, 0.8, 0.8))
+    scene.tiles[:, ROUGHNESS] = 0.9
+    bounce, made = built(scene), make_patches(scene, DirectLight(scene).emitters.near())
+    most = np.array(list(scene.most_bounces.values()))
+    again = built(replace(scene, bounces=most - (1, 0, 0, 0)))
+    area = made.vector.norm(dim=-1)[:, None].repeat(2, 1)
+    last, before, once_less = ((area * light).sum().item() for light in (
+        bounce._bounced_last, bounce.leaving, again.leaving))
+    diffuse = made.albedo[0, 0].item()
+    assert last == pytest.approx(diffuse * (before - once_less), rel=0.05)
+    seen = {ratio: glossy(bounce, (0.0, 0.0, -1.0), UP, 0.9, ratio) for ratio in (0.0, 1.0, 1e4)}
+    plain = glossy(with_leaving(bounce, bounce.leaving), (0.0, 0.0, -1.0), UP, 0.9, 0.0).complete.sum()
+    whole = seen[0.0].complete.sum() - plain
+    share = {ratio: (light.complete.sum() - plain) / whole for ratio, light in seen.items()}
+    assert 0.2 < share[1.0] < 0.8 and share[1e4] < 0.01
+    assert seen[0.0].further.max() == 0
+    torch.testing.assert_close(seen[1.0].further, seen[0.0].complete - seen[1.0].complete, rtol=0.3, atol=0)
 
 
 def glossy(bounce: Radiosity, at, outgoing, roughness: float, diffuse_ratio: float = 1.0, **options) -> GlossyLight:

@@ -232,8 +232,8 @@ def test_a_lampshade_hides_its_inside_from_those_outside():
     corners = swept([(0, 0, 0.8), (0, 0, 1.1), (0, 0, 1.4)], (0.6, 0.45, 0.3), 32)
     direct = DirectLight(lit_by(corners, (1.0, 1.0, 1.0)))
     x, n = torch.tensor([[2.0, 0.0, 1.1]]), torch.tensor([[-1.0, 0.0, 0.0]])
-    x, n = x.expand(64, 3), n.expand(64, 3)
-    start = torch.rand(64, 2, generator=torch.Generator().manual_seed(0))
+    x, n = x.expand(1024, 3), n.expand(1024, 3)
+    start = torch.rand(1024, 2, generator=torch.Generator().manual_seed(0))
     light = np.pi * direct.diffuse(x, n, direct.visibility(x, n, start)).numpy()
     np.testing.assert_allclose(light.mean(0), irradiance(corners, 1.0, x[0].numpy(), n[0].numpy()), rtol=0.12)
 

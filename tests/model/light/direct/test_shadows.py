@@ -14,7 +14,8 @@ from renderformer_v2.model.light.sampling import r2_starts
 from renderformer_v2.model.scene import IOR, TRANSMISSION, RenderScene, constant_tile
 from renderformer_v2.model.surface_kinds import Ray
 from tests.model.light.direct.test_direct_light import OCTAHEDRON
-from tests.model.samples import floor_scene
+from tests.model.light.direct.test_emitters import grid, irradiance, lit_by
+from tests.model.samples import flat, floor_scene
 
 UP = torch.tensor([[0.0, 0.0, 1.0]])
 SQUARE = np.float32([[(-1, -1, 0), (1, -1, 0), (1, 1, 0)], [(-1, -1, 0), (1, 1, 0), (-1, 1, 0)]])
@@ -165,3 +166,19 @@ def test_a_round_body_does_not_light_itself():
     side = unit(area_vectors(outwards))
     assert direct.emitters.diffuse(torch.tensor(outwards.mean(1)), torch.tensor(side))[0].max() == 0
     assert direct.emitters.diffuse(torch.tensor([[0.0, 0.0, -0.2]]), UP)[0].min() > 0.5
+
+
+@pytest.mark.parametrize("rays", [1, 2, 6])
+def test_the_hidden_part_of_a_large_lamp_counts_by_its_light_and_not_by_its_area(rays):
+    """A sheet hides the nearer half, from where most light comes."""
+    lamp = grid(64, 32, 2.0, 1.0, 1.5) + np.float32((1.2, 0, 0))
+    sheet = grid(1, 1, 1.2, 1.2, 1.4) + np.float32((0.6, 0, 0))
+    whole = lit_by(grid(1, 1, 2.0, 1.0, 1.5) + np.float32((1.2, 0, 0)), 1.0)
+    x = torch.tensor([[0.2, 0.0, 0.0]]).expand(512, 3)
+    start = torch.rand(512, rays, 2, generator=torch.Generator().manual_seed(0))
+    emitters = DirectLight(whole.appended(flat(sheet, (0.5, 0.5, 0.5)))).emitters
+    visible = emitters.visibility(x, UP.expand(512, 3), x[:, None].expand(-1, rays, -1), start)[0].mean().item()
+    is_seen = np.abs(lamp.mean(axis=1)[:, 0] - 0.2) * 1.4 / 1.5 > 1.0  # beyond the sheet's edge
+    share = irradiance(lamp[is_seen], 1.0, x[0].numpy(), UP[0].numpy())[0] / irradiance(
+        lamp, 1.0, x[0].numpy(), UP[0].numpy())[0]
+    assert share < 0.7 * is_seen.mean() and visible == pytest.approx(share, rel=0.12)
