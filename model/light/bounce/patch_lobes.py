@@ -24,7 +24,7 @@ class PatchLobes:
         """Of sides (S,): unit normals (S, 3); `toward` (S, 3), the mean direction of the light, the shorter the more
         the directions differ; f0 and perceptual roughness (S,) of the lobe.
         """
-        concentration = toward.norm(dim=-1).clamp(max=1)
+        self.concentration = concentration = toward.norm(dim=-1).clamp(max=1)  # (S,)
         direction = F.normalize(toward, dim=-1).T
         cosine = dot(direction, normal.T, 0).clamp_min(LEAST_COSINE)
         alpha2 = roughness.square().square()

@@ -103,8 +103,9 @@ class Radiosity:
         self.gather_scene.aim(importance_by_power(sum(firsts.values()) + glow, size))
         if (metal + layer).any():
             lobes = _lobes(lights, metal, layer, f0, roughness, normals)
-            share = diffuse.mean(1) / (diffuse + metal + layer).mean(1).clamp_min(1e-9)
-            self.gather_scene.spread(lobes, PatchLayers(*of_layer.unbind(1), share))
+            glossily = sum(glossy_firsts.values()).mean(1) / sum(firsts.values()).mean(1).clamp_min(1e-20)
+            even = (1 - lobes.concentration) * glossily * layer.mean(1) / (metal + layer).mean(1).clamp_min(1e-9)
+            self.gather_scene.spread(lobes, PatchLayers(*of_layer.unbind(1), 1 - glossily, even))
         with part(0.5, 1.0):
             gathered = self._exchanged(x, n, normals, effort)
             fire = self._with_glow(gathered.fire, gathered)
