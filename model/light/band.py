@@ -113,7 +113,7 @@ class Band:
         if share is None:
             return {"complete": bounced, "bounced": bounced}
         through = light_behind(partial(view.light.radiosity.behind, effort=view.effort), self.probes, self.rise,
-                               view.filters, share.any(-1, keepdim=True))
+                               share.any(-1, keepdim=True))
         return {"complete": torch.lerp(bounced, through["all"], share),
                 "bounced": torch.lerp(bounced, through["bounced" if view.is_traced else "all"], share)}
 
@@ -122,7 +122,7 @@ class Band:
         passes = self.surfaces.is_glass
         if self.surfaces.translucent is not None:
             passes = passes | self.surfaces.translucent.any(-1, keepdim=True)
-        return light_behind(self.view.outgoing(), self.probes, self.rise, self.view.filters, passes)
+        return light_behind(self.view.outgoing(), self.probes, self.rise, passes)
 
     def _direct(self, sky: Tensor, gloss: GlossyPixels, of_coat: GlossyPixels | None,
                 refracted: Tensor | None) -> list[Tensor]:

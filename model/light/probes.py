@@ -40,7 +40,7 @@ class Filter(NamedTuple):
     difference: Difference | None = None  # where it is 1, probes count 1/e
 
 
-SMOOTH, UNSMOOTHED = (Filter(1), Filter(2)), ()  # applied one after the other
+SMOOTHED, UNSMOOTHED = (Filter(1),), ()  # applied one after the other
 
 
 def probe_grid(picture_size: int) -> int:

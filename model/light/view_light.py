@@ -2,7 +2,6 @@
 """The light of a scene, and what all rows of a view need of it."""
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -15,7 +14,7 @@ from .direct.direct_light import DirectLight
 from .direct.footprints import roughness_within
 from .effort import Effort
 from .hit_surfaces import HitSurfaces
-from .probes import SMOOTH, ComputeLight, Filter, Probes, probe_grid
+from .probes import ComputeLight, Probes, probe_grid
 from .specular.pixels import path_end_light, reflected_image, refracted_image
 
 GLOSS_RAYS = 0.25  # share of the rays of a glossy lobe, of what mirrors and glass show
@@ -40,10 +39,6 @@ class ViewLight:
     is_traced: bool
     with_direct: bool
 
-    @property
-    def filters(self) -> Sequence[Filter]:
-        return SMOOTH[:self.effort.smoothings]
-
     def surfaces(self, guides: Guides, first_row: int) -> HitSurfaces:
         return HitSurfaces.of(self.light.scene, self.view, guides, first_row, self.light.direct.device)
 
@@ -56,8 +51,7 @@ class ViewLight:
         return partial(outgoing_radiance, self.light.radiosity, direct, self.effort)
 
     def glossy(self, probes: Probes, surfaces: HitSurfaces, effort: Effort) -> GlossyPixels:
-        return glossy_bounces(self.light.radiosity, probes, surfaces, self.filters, effort, self.is_traced,
-                              self.with_direct)
+        return glossy_bounces(self.light.radiosity, probes, surfaces, effort, self.is_traced, self.with_direct)
 
     def _seen_gloss(self, seen: HitSurfaces) -> GlossyPixels:
         """The gloss of what mirrors and glass show."""
@@ -70,7 +64,7 @@ class ViewLight:
         Where there are no coats, theirs is that of mirrors.
         """
         surfaces, direct, gather = self.surfaces(guides, first_row), self.light.direct, self._seen_gloss
-        ends = partial(path_end_light, self.make_probes, self.outgoing, self.filters, direct.device)
+        ends = partial(path_end_light, self.make_probes, self.outgoing, direct.device)
         reflected = ends("reflected", guides)
         mirrored, *coated = (reflected_image(guides, as_wide_as_pixels(mirrors), direct, gather, reflected)
                              for mirrors in (surfaces, surfaces.coated) if mirrors is not None)

@@ -2,7 +2,6 @@
 """Indirect light at pixels, by probes."""
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import torch
@@ -12,11 +11,10 @@ from ...progress import part
 from ..direct.direct_light import SKY_RAYS, DirectLight
 from ..effort import Effort
 from ..hit_surfaces import HitSurfaces
-from ..probes import SMOOTH, Around, ComputeLight, Differ, Filter, Probes
+from ..probes import SMOOTHED, UNSMOOTHED, Around, ComputeLight, Differ, Filter, Probes
 from ..specular.paths import BLURRED
 from .radiosity import DiffuseLight, GlossyLight, Radiosity
 
-CONTRAST = 0.3      # of the bounced light of two probes, at which they count 1/e for each other
 LEAST_RATIO = 1e-3  # diffuse over glossy albedo, below which the diffuse lobe is invisible
 
 
@@ -30,7 +28,7 @@ def diffuse_bounces(radiosity: Radiosity, probes: Probes, effort: Effort,
         light = radiosity.diffuse(x, n, number, effort, with_sky)
         return _named(light if with_sky else light._replace(fire=None))
 
-    filters = Filter(1), Filter(2, _contrast), Filter(4, _contrast_over_noise)
+    filters = Filter(1), Filter(2, _contrast_over_noise), Filter(4, _contrast_over_noise)
     pictures = probes.interpolate(compute, filters=filters[:effort.smoothings])
     return pictures["indirect"], pictures.get("sky"), pictures.get("fire")
 
@@ -71,9 +69,9 @@ class GlossyPixels:
         return (light + besides / diffuse_ratio[..., None].clamp_min(LEAST_RATIO)).clamp_min(0)
 
 
-def glossy_bounces(radiosity: Radiosity, probes: Probes, surfaces: HitSurfaces, filters: Iterable[Filter],
-                   effort: Effort, is_traced: bool, with_sky: bool) -> GlossyPixels:
-    """Indirect light of white glossy lobes; what rough ones show is a mean that filters do not blur further."""
+def glossy_bounces(radiosity: Radiosity, probes: Probes, surfaces: HitSurfaces, effort: Effort,
+                   is_traced: bool, with_sky: bool) -> GlossyPixels:
+    """Indirect light of white glossy lobes, smoothed where these are rough."""
     def compute(x: Tensor, n: Tensor, number: Tensor, *gloss: Tensor) -> dict[str, Tensor]:
         return _named(radiosity.glossy(x, n, *gloss, number, effort, is_traced, with_sky))
 
@@ -82,20 +80,19 @@ def glossy_bounces(radiosity: Radiosity, probes: Probes, surfaces: HitSurfaces, 
     smooth, rough = (probes.interpolate(
         compute, -surfaces.rays, surfaces.roughness, surfaces.f0, surfaces.diffuse_ratio,
         where=surfaces.is_covered & where, filters=used)
-        for where, used in ((~is_rough, SMOOTH[:1]), (is_rough, filters)))
+        for where, used in ((~is_rough, UNSMOOTHED), (is_rough, SMOOTHED)))
     pictures = {name: smooth[name] + rough[name] for name in smooth}
     bounced = pictures["bounced"] + pictures["missed"] if is_traced else None
     return GlossyPixels(pictures["complete"], pictures["further"], bounced, pictures.get("missed"), pictures.get("sky"),
                         pictures["highlights"])
 
 
-def light_behind(compute: ComputeLight, probes: Probes, rise: Tensor, filters: Iterable[Filter],
-                 where: Tensor) -> dict[str, Tensor]:
+def light_behind(compute: ComputeLight, probes: Probes, rise: Tensor, where: Tensor) -> dict[str, Tensor]:
     """(h, W, 3) what `compute` gives on the other side of the surfaces that probes are raised above, by (h, W, 1)."""
     def compute_behind(x: Tensor, n: Tensor, number: Tensor, rise: Tensor) -> dict[str, Tensor]:
         return compute(x - 2 * rise * n, -n, number)
 
-    return probes.interpolate(compute_behind, rise, filters=filters, where=where)
+    return probes.interpolate(compute_behind, rise, filters=SMOOTHED, where=where)
 
 
 def outgoing_radiance(radiosity: Radiosity, direct: DirectLight | None, effort: Effort, x: Tensor, n: Tensor,
@@ -109,17 +106,6 @@ def outgoing_radiance(radiosity: Radiosity, direct: DirectLight | None, effort: 
             return {"bounced": bounced}
         arriving = direct.diffuse(x, n, direct.visibility(x, n, sky_rays=effort.of(SKY_RAYS)))
         return {"bounced": bounced, "complete": bounced + (arriving if fire is None else arriving + fire)}
-
-
-def _contrast(light: Tensor, around: Around) -> Differ:
-    """Difference of the first three channels, RGB: it changes fast where surfaces touch."""
-    rgb = light[:, :3]
-
-    def differ(row: Tensor, number: Tensor) -> Tensor:
-        own, other = rgb[row, None], rgb[number]
-        return ((own - other).abs() / (own + other).clamp_min(1e-9)).amax(-1) / CONTRAST
-
-    return differ
 
 
 def _contrast_over_noise(light: Tensor, around: Around) -> Differ:

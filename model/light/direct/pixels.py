@@ -2,6 +2,7 @@
 """Direct light at pixels: closed forms at every pixel, shadows at probes."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -12,7 +13,7 @@ from torch.nn import functional as F
 from ...progress import part, standing_still
 from ..effort import Effort
 from ..hit_surfaces import HitSurfaces
-from ..probes import SMOOTH, Around, ComputeLight, Differ, Filter, Light, Probes, varies
+from ..probes import SMOOTHED, Around, ComputeLight, Differ, Filter, Light, Probes, varies
 from ..sampling import r2_starts
 from .direct_light import DirectLight, LobeVisibility
 from .footprints import footprints, offsets_within, smooth_steps
@@ -20,6 +21,7 @@ from .footprints import footprints, offsets_within, smooth_steps
 SHADOW_RAYS, EMITTER_RAYS = 16, 6  # of a pixel, and of these to one emitter at most
 PENUMBRA = 0.3                     # difference of visibility that is no noise of one penumbra
 DECISIVE = 4                       # rays from a pixel to an emitter, from which on they tell a penumbra from an edge
+MORE, ENOUGH = 2, 12               # times as many rays in penumbras, unless there are so many
 LINE, AREA = 0.4, 0.8              # mean disagreement of such rays around an edge, and within a penumbra
 
 
@@ -84,47 +86,48 @@ def _shadows(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, effort:
     rays = max(min(of_pixel // max(len(direct.emitters), 1), effort.of(EMITTER_RAYS)), 1)
     grid = min(max(shadow_grid(len(direct.emitters)), effort.shadow_grid), probes.grid)
     fine = Probes(*probes.picture, grid, grid, probes.separation)
-    trace, steps = partial(_trace_shadows, direct, rays), smooth_steps(surfaces)
+    trace, steps = partial(_trace_shadows, direct), smooth_steps(surfaces)
     curved = surfaces.position[..., :0] if direct.curved is None else direct.curved.at(surfaces)
     gloss = curved, -surfaces.rays, surfaces.roughness, surfaces.f0
     if rays < DECISIVE:
         filters = Filter(1), Filter(2, _difference)
-        pictures = fine.interpolate(trace, grid * steps, *gloss, where=surfaces.is_covered,
+        pictures = fine.interpolate(partial(trace, rays), grid * steps, *gloss, where=surfaces.is_covered,
                                     filters=filters[:effort.smoothings])
     else:
-        pictures = _trace_penumbras(fine, probes.grid, trace, steps, *gloss)
+        pictures = _trace_penumbras(fine, probes.grid, trace, rays, steps, *gloss)
         with standing_still():
-            pictures = _smooth_penumbras(fine, pictures, effort)
+            pictures = _smooth_penumbras(fine, pictures)
     return pictures["diffuse"], pictures["glossy"]
 
 
-def _trace_penumbras(fine: Probes, coarse_grid: int, trace: ComputeLight, steps: Tensor, *gloss: Tensor) -> Light:
-    """Visibility that is traced at coarse probes, whose rays start all over their cells, and at fine ones where it is
-    not the same at all around."""
+def _trace_penumbras(fine: Probes, coarse_grid: int, trace: Callable[..., Light], rays: int, steps: Tensor,
+                     *gloss: Tensor) -> Light:
+    """Visibility by `rays` to each emitter from coarse probes, all over their cells, and by more from fine ones where
+    these disagree."""
     covered = fine.picture[2]
-    if coarse_grid == fine.grid:
-        return fine.interpolate(trace, fine.grid * steps, *gloss, where=covered)
-    coarse = Probes(*fine.picture, coarse_grid, fine.grid, fine.separation)
+    coarse = fine if coarse_grid == fine.grid else Probes(*fine.picture, coarse_grid, fine.grid, fine.separation)
     cell = torch.full_like(steps[..., :1, :1], fine.grid)
     cell[coarse.rows[:, None], coarse.columns] = coarse.grid
     with part(0.0, 0.5):
-        pictures = coarse.interpolate(trace, cell * steps, *gloss, where=covered)
-    is_penumbra = varies(torch.cat(list(pictures.values()), -1), coarse.grid)[..., None]
+        pictures = coarse.interpolate(partial(trace, rays), cell * steps, *gloss, where=covered)
+    if coarse is fine and rays >= ENOUGH:
+        return pictures
+    is_penumbra = varies(pictures["disagreement"], coarse.grid)[..., None]
+    rays = rays if rays >= ENOUGH else MORE * rays
     with part(0.5, 1.0):
-        traced = fine.interpolate(trace, fine.grid * steps, *gloss, where=covered & is_penumbra)
+        traced = fine.interpolate(partial(trace, rays), fine.grid * steps, *gloss, where=covered & is_penumbra)
     return {name: torch.where(is_penumbra, traced[name], picture) for name, picture in pictures.items()}
 
 
-def _smooth_penumbras(probes: Probes, visibility: Light, effort: Effort) -> Light:
+def _smooth_penumbras(probes: Probes, visibility: Light) -> Light:
     """Visibility at all pixels, smoothed where rays to one emitter disagree all around, as they do in a penumbra.
 
     Where they disagree along a line alone, that is the edge of a shadow, which stays sharp.
     """
-    around = probes.interpolate(_known("mean"), visibility["disagreement"], filters=SMOOTH[:1])["mean"]
+    around = probes.interpolate(_known("mean"), visibility["disagreement"], filters=SMOOTHED)["mean"]
     in_penumbra = ((around - LINE) / (AREA - LINE)).clamp(0, 1)
     pictures = visibility | {"is_edge": 1 - in_penumbra}
-    filters = Filter(1, _difference_at_edges), Filter(2, _difference)
-    return probes.interpolate(_known(*pictures), *pictures.values(), filters=filters[:effort.smoothings])
+    return probes.interpolate(_known(*pictures), *pictures.values(), filters=[Filter(1, _difference_at_edges)])
 
 
 def _known(*names: str) -> ComputeLight:

@@ -20,7 +20,7 @@ from ..chunks import in_chunks
 from ..direct.direct_light import CHUNK, DirectLight
 from ..fresnel import lobe_albedo
 from ..hit_surfaces import HitSurfaces, tensors_on
-from ..probes import ComputeLight, Filter, Probes
+from ..probes import SMOOTHED, ComputeLight, Probes
 from ..sampling import r2_starts
 from ..vectors import dot, unit
 from .frosted import frosted
@@ -112,8 +112,7 @@ def _at_once(blur: Callable[[Tensor], Tensor], image: dict[str, Tensor]) -> dict
 
 
 def path_end_light(make_probes: Callable[..., Probes], outgoing: Callable[[int | None], ComputeLight],
-                   filters: Iterable[Filter], device: torch.device, lobe: str,
-                   guides: Guides) -> tuple[dict[str, Tensor], Tensor]:
+                   device: torch.device, lobe: str, guides: Guides) -> tuple[dict[str, Tensor], Tensor]:
     """(h, W, 3) radiance from the surfaces at which specular paths end, tinted, and (h, W, 1) bool where they meet any.
 
     lobe: "reflected" or "refracted". outgoing(group): of positions, normals and numbers, the radiance (P, 3) of white
@@ -128,9 +127,9 @@ def path_end_light(make_probes: Callable[..., Probes], outgoing: Callable[[int |
     probes = make_probes(position, unit(normal), is_lit)
     groups = getattr(guides, f"{lobe}_group")
     if groups is None:
-        lights = [probes.interpolate(outgoing(None), filters=filters)]
+        lights = [probes.interpolate(outgoing(None), filters=SMOOTHED)]
     else:
-        lights = [probes.interpolate(outgoing(number), where=is_lit & (to_tensor(groups) == number), filters=filters)
+        lights = [probes.interpolate(outgoing(number), where=is_lit & (to_tensor(groups) == number), filters=SMOOTHED)
                   for number in np.unique(groups).astype(int).tolist()]
     light = {kind: sum(some[kind] for some in lights) * color for kind in lights[0]}
     return light, (normal != 0).any(-1, keepdim=True)

@@ -4,7 +4,7 @@ import math
 
 import torch
 
-from renderformer_v2.model.light.probes import GRID, SMOOTH, Probes
+from renderformer_v2.model.light.probes import GRID, SMOOTHED, Probes
 
 UP = torch.tensor([[0.0, 0.0, 1.0]])
 
@@ -41,6 +41,6 @@ def test_light_in_mirrors_stays_on_its_facet():
     def compute(x, n, number):
         return {"light": (n[:, :1] < 0).float()}
 
-    light, mirrored = (p.interpolate(compute, filters=SMOOTH)["light"] for p in (probes, probes.for_gloss()))
+    light, mirrored = (p.interpolate(compute, filters=SMOOTHED)["light"] for p in (probes, probes.for_gloss()))
     wrong = lambda picture: float((picture - is_left.float()).abs().max())  # noqa: E731
     assert wrong(mirrored) < 0.05 and wrong(light) > 0.2

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from renderformer_v2.model.light.probes import SMOOTH, Probes
+from renderformer_v2.model.light.probes import SMOOTHED, Probes
 from renderformer_v2.model.light.separation import Separation
 from renderformer_v2.model.light.tensor_rays import TensorRays
 from renderformer_v2.model.scene_rays import scene_rays
@@ -36,7 +36,8 @@ def test_light_of_one_side_does_not_reach_the_other(grid):
     def light(x, n, number):
         return {"light": (x[:, :1] > 0).float()}
     for walls, mixed in ((separation, False), (None, True)):
-        made = Probes(position, normal, covered, grid, 1, separation=walls).interpolate(light, filters=SMOOTH)["light"]
+        probes = Probes(position, normal, covered, grid, 1, separation=walls)
+        made = probes.interpolate(light, filters=SMOOTHED)["light"]
         left, right = made[:, :SIZE // 2].max(), made[:, SIZE // 2:].min()
         assert (left > 0.05 and right < 0.95) if mixed else (left < 1e-3 and right > 1 - 1e-3)
 

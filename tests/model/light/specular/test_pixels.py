@@ -24,7 +24,7 @@ def shown(groups: np.ndarray | None) -> np.ndarray:
     def outgoing(group):
         return lambda x, n, number: {"complete": torch.full_like(x, LIGHT[group])}
 
-    light, _ = path_end_light(partial(Probes, grid=2, finest=1), outgoing, (), torch.device("cpu"), "reflected", guides)
+    light, _ = path_end_light(partial(Probes, grid=2, finest=1), outgoing, torch.device("cpu"), "reflected", guides)
     return light["complete"][..., 0].numpy()
 
 
