@@ -2,6 +2,7 @@
 """How many rays are spent on light: all for finished pictures, fewer for coarse ones that are soon replaced."""
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 FEW_PIXELS = 512 * 256  # below which each pixel has more rays, so that there are as many in all
@@ -26,9 +27,9 @@ class Effort:
         """The share of `count` rays, at least one."""
         return max(round(self.rays * count), 1)
 
-    def of_probe(self, count: int) -> int:
-        """The share of `count` rays of a probe, at least one."""
-        return max(round(self.probe_rays * count), 1)
+    def of_probe(self, count: int, most_more: float = math.inf) -> int:
+        """The share of `count` rays of a probe, at least one, and at most so many times as many."""
+        return max(round(min(self.probe_rays, most_more) * count), 1)
 
     def of_picture(self, pixels: int) -> Effort:
         """The effort for a picture of so many pixels."""
@@ -37,7 +38,7 @@ class Effort:
 
 
 FULL = Effort()
-QUICK = Effort(rays=1 / 3, probe_rays=2 / 3, most_more=1.0, shadow_grid=2, probe_grid=4, closer=1, smoothings=1,
+QUICK = Effort(rays=1 / 3, probe_rays=1 / 2, most_more=1.0, shadow_grid=2, probe_grid=4, closer=1, smoothings=1,
                walls=False, network=False, edges=False)
 # Of light between surfaces, while pictures are coarse.
 DRAFT = Effort(rays=1 / 6, patches=1 / 6, photon_grids=2, walls=False)

@@ -42,8 +42,9 @@ PATCH_RAYS = 16   # from each side of a patch
 PATCH_AIMED = 8   # rays more towards bright patches
 SKY_RAYS = 16     # from each side of a patch, to the sky
 SHADOW_RAYS = 1 << 22  # from all patches to emitters; there are fewer patches where these are many
-RAYS = 24         # from a point
-AIMED = 12        # rays more towards bright patches
+RAYS = 48         # from a point
+AIMED = 24        # rays more towards bright patches
+MOST_MORE = 4     # factor on both in small pictures, at most
 GLOSSY_RAYS = 16  # from a point, within its glossy lobe
 PHOTONS = 1 << 17  # from emitters to glass
 THROUGH_GLASS = 3  # bounces that light has after a surface, and both sides of glass
@@ -189,8 +190,8 @@ class Radiosity:
 
     def _gathered(self, position: Tensor, normal: Tensor, number: Tensor, effort: Effort) -> Gathered:
         """What rays from points (P, 3) of matte surfaces hit; arguments as of `diffuse`."""
-        return self.gather_scene.diffuse(position, normal, r2_starts(number), effort.of_probe(RAYS),
-                                         effort.of_probe(AIMED))
+        rays, aimed = (effort.of_probe(count, MOST_MORE) for count in (RAYS, AIMED))
+        return self.gather_scene.diffuse(position, normal, r2_starts(number), rays, aimed)
 
     def _with_glow(self, light: Tensor | None, gathered: Gathered, weight: Tensor | None = None) -> Tensor | None:
         """(P, 3) `light` and that of surfaces which glow; None if there is neither."""
