@@ -202,3 +202,10 @@ def test_what_was_traced_is_estimated_as_well_if_that_is_asked_for(roughness):
     torch.testing.assert_close(beside.estimate() + beside.bounces(), untraced.radiance(), rtol=1e-3, atol=1e-4)
     alone = estimate_light(light, view, traced, plain, with_direct=False)
     assert not alone.direct.any() and torch.equal(alone.radiance(), beside.radiance())
+
+
+def test_bounced_light_of_the_few_rays_of_large_pictures_is_that_of_many():
+    light, (view, guides) = scene_light(walls((0.8, 0.3, 0.3))), floor_view()
+    few, many = (estimate_light(light, view, guides, replace(FULL, probe_rays=rays, most_more=1.0)).bounced
+                 for rays in (1.0, 32.0))
+    assert (few - many).square().mean().sqrt() < 0.12 * many.mean()
